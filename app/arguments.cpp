@@ -112,6 +112,12 @@ double setting(const std::string& key, const std::string& text, const ParameterV
   }
 }
 
+/// "R = 500" in quotes of the shell.
+std::string without_spaces(const std::string& text) {
+  const std::size_t first = text.find_first_not_of(' ');
+  return first == std::string::npos ? "" : text.substr(first, text.find_last_not_of(' ') - first + 1);
+}
+
 }  // namespace
 
 ParameterValues parse_settings(const std::vector<std::string>& words) {
@@ -120,7 +126,7 @@ ParameterValues parse_settings(const std::vector<std::string>& words) {
     const std::size_t equals = word.find('=');
     if (equals == std::string::npos || equals == 0)
       throw Error("--set", found(word), "write key=value, such as --set T=2");
-    const std::string key = word.substr(0, equals), text = word.substr(equals + 1);
+    const std::string key = without_spaces(word.substr(0, equals)), text = without_spaces(word.substr(equals + 1));
     const double value = setting(key, text, values);
     if (!values.emplace(key, value).second)
       throw Error("--set", fmt::format("{} is given twice", key), "set every parameter once");

@@ -39,19 +39,11 @@ void print(const std::string& text) {
 }
 
 int run_scenes() {
-  std::size_t names = 0, values = 0;
-  for (const SceneRecipe& recipe : scene_catalogue()) {
-    names = std::max(names, recipe.name.size());
-    values = std::max(values, defaults(recipe).size());
-  }
   std::string text;
   for (const SceneRecipe& recipe : scene_catalogue())
-    fmt::format_to(std::back_inserter(text), "{:<{}}  {:<{}}  {}\n", recipe.name, names, defaults(recipe), values,
-                   recipe.summary);
+    fmt::format_to(std::back_inserter(text), "{}  {}\n    {}\n", recipe.name, defaults(recipe), recipe.summary);
   text += scene_files_available()
-              ? "FILE.toml is a scene of your own: 'bromwich solve --template > my.toml' prints one to start from, the "
-                "folder "
-                "examples of the source has more\n"
+              ? "FILE.toml\n    a scene of your own: 'bromwich solve --template > my.toml' prints one to start from\n"
               : "this build reads no scene files (.toml): toml++ or muParser was not found when it was built\n";
   print(text);
   return exit_solved;

@@ -11,6 +11,7 @@
 #include "app/ranks.hpp"
 #include "app/scene_blocks.hpp"
 #include "app/scene_choice.hpp"
+#include "app/sweep_table.hpp"
 #include "app/text.hpp"
 #include "core/base/error.hpp"
 #include "core/batch/batch.hpp"
@@ -48,7 +49,7 @@ class SweepRun {
  public:
   SweepRun(const SolveArguments& arguments, std::string name, ParameterValues settings, Sweep sweep)
       : arguments_(arguments), name_(std::move(name)), settings_(std::move(settings)), sweep_(std::move(sweep)) {
-    check_arguments();
+    check_sweep_arguments(arguments_, settings_, sweep_);
     choice_ = first_that_reads();
     options_.method = parse_method(arguments.method);
     if (!arguments.steps.empty()) options_.steps = parse_steps(arguments.steps);
@@ -94,30 +95,6 @@ class SweepRun {
   }
 
  private:
-  void check_arguments() const {
-    for (const auto& [option, given] : {std::pair("--switches", !arguments_.switches.empty()),
-                                        {"--report", !arguments_.report.empty()},
-                                        {"--checkpoint", !arguments_.checkpoint.empty()},
-                                        {"--energies", arguments_.energies},
-                                        {"--event-location", arguments_.event_location}})
-      if (given)
-        throw Error(option, "is given for a scene with [sweep]", "leave it out, or take [sweep] out of the file");
-    for (const std::string& name : sweep_.names)
-      if (settings_.contains(name))
-        throw Error("--set", fmt::format("'{}' is swept by the file", name), "leave it out, or take it out of [sweep]");
-    for (const auto& [option, word] : {std::pair("--at", &arguments_.at), {"--columns", &arguments_.columns}})
-      if (!word->empty() && arguments_.out.empty())
-        throw Error(option, fmt::format("found '{}' without --out", *word), "add --out FILE.csv");
-    if (arguments_.out.empty()) return;
-    const std::string extension = std::filesystem::path(arguments_.out).extension();
-    if (extension != ".csv" && extension != ".h5")
-      throw Error("--out", fmt::format("'{}' does not end in .csv or .h5", arguments_.out), "choose such a file");
-    std::error_code none;
-    for (const std::filesystem::path& input : sweep_.inputs)
-      if (std::filesystem::equivalent(input, arguments_.out, none))
-        throw Error("--out", fmt::format("'{}' is an input of the scene", arguments_.out), "choose another file");
-  }
-
   /// The columns of a CSV file, and the states that they or --states ask for.
   void choose_columns() {
     if (!arguments_.columns.empty()) columns_ = parse_columns(arguments_.columns, choice_.scene);
@@ -274,14 +251,6 @@ class SweepRun {
 
   // ---- Tables.
 
-  static std::string number(double value) {
-    return std::isnan(value) ? "nan" : fmt::format("{}", value + 0.0);  // -0 becomes 0
-  }
-  static std::string quoted(std::string text) {
-    for (std::size_t at = 0; (at = text.find('"', at)) != std::string::npos; at += 2) text.insert(at, 1, '"');
-    return '"' + text + '"';
-  }
-
   // A row for each scene; with --at one for each scene and time.
   void write_csv(std::FILE* file) {
     const bool at = !arguments_.at.empty();
@@ -304,22 +273,15 @@ class SweepRun {
   /// `at`: the row of the times, or -1.
   std::string csv_row(const Block& block, Index k, Index place, Index at) const {
     std::string row = fmt::format("{}", k);
-    for (Index c = 0; c < sweep_.values.cols(); ++c) row += "," + number(sweep_.values(k, c));
-    if (at >= 0) row += "," + number(times_[std::size_t(at)]);
-    row += "," + status_[std::size_t(k)] + "," + number(place < 0 ? NAN : block.result.residual[place]);
+    for (Index c = 0; c < sweep_.values.cols(); ++c) row += "," + csv_number(sweep_.values(k, c));
+    if (at >= 0) row += "," + csv_number(times_[std::size_t(at)]);
+    row += "," + status_[std::size_t(k)] + "," + csv_number(place < 0 ? NAN : block.result.residual[place]);
     for (const Column& c : columns_) {
-      const Vector values = place < 0 ? Vector(Vector::Constant(1, NAN)) : values_of(block.result, c, place);
-      row += "," + number(place < 0 ? NAN : values[at < 0 ? values.size() - 1 : at]);
-      if (at < 0) row += "," + number(values.cwiseAbs().maxCoeff<Eigen::PropagateNaN>());
+      const Vector values = place < 0 ? Vector(Vector::Constant(1, NAN)) : values_of(block.result, states_, c, place);
+      row += "," + csv_number(place < 0 ? NAN : values[at < 0 ? values.size() - 1 : at]);
+      if (at < 0) row += "," + csv_number(values.cwiseAbs().maxCoeff<Eigen::PropagateNaN>());
     }
-    return row + "," + quoted(reason_[std::size_t(k)]) + "," + quoted(warning_[std::size_t(k)]) + "\n";
-  }
-
-  Vector values_of(const BatchResult& result, const Column& c, Index place) const {
-    if (c.kind == ColumnKind::y) return result.of(result.y, place).col(c.component);
-    if (c.kind == ColumnKind::w) return result.of(result.w, place).col(c.component);
-    const auto found = std::find(states_.begin(), states_.end(), c.component);
-    return result.of(result.x, place).col(found - states_.begin());
+    return row + "," + csv_text(reason_[std::size_t(k)]) + "," + csv_text(warning_[std::size_t(k)]) + "\n";
   }
 
   void write_hdf5() {

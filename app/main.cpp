@@ -36,7 +36,9 @@ void check_command(int argc, char** argv) {
   for (const std::string& name : commands)
     if (word == name) return;
   if (word == "-h" || word == "--help" || word == "--version") return;
-  throw Error("command", argc > 1 ? fmt::format("found '{}'", word) + suggestion(word, commands) : "found none",
+  std::vector<std::string> known = commands;
+  known.insert(known.end(), {"--help", "--version"});
+  throw Error("command", argc > 1 ? fmt::format("found '{}'", word) + suggestion(word, known) : "found none",
               fmt::format("begin with one of {}; 'bromwich --help' shows how", join(commands)));
 }
 

@@ -131,7 +131,7 @@ CLI::App* add_command(CLI::App& app, SolveArguments& a) {
 
 CLI::App* add_command(CLI::App& app, CheckArguments& a) {
   CLI::App* command = app.add_subcommand("check", "say what is known of a scene before it is solved, or of a result");
-  add_scene(command, a, "a scene that 'bromwich scenes' lists, a file .toml, or a result .h5, .npz or .csv");
+  add_scene(command, a, "a scene that 'bromwich scenes' lists, a file .toml, or a result .h5, .npz, .vtkhdf or .csv");
   add_word(command, "--steps", a.steps, "J", "time steps; default: the scene's own");
   add_word(command, "--states", a.states, "LIST", "state components to write: none, all or 0,3,7");
   command->add_flag("--json", a.json, "print one JSON object instead of the lines");

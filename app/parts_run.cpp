@@ -217,7 +217,10 @@ class PartsRun {
     refuse_memory_of_steps(part);
     if (first) total_.starts_with_impulse = part.starts_with_impulse;
     total_.status = part.status;
-    if (part.status != Status::solved)
+    if (part.status == Status::interrupted)  // the part counts time from its own start
+      total_.reason =
+          fmt::format("stopped on request at t = {:.10g}", boundaries_.time(begin + std::max<Index>(valid, 0)));
+    else if (part.status != Status::solved)
       total_.reason = fmt::format("{} (in the part from t = {:.10g} on)", part.reason, t);
     if (part.infeasible_at) total_.infeasible_at = t + *part.infeasible_at;
     if (part.status == Status::solved) state_.x = state_at_end(part, steps);

@@ -56,7 +56,8 @@ double complementarity(const report::ResultTable& table) {
 
 bool names_result(const std::string& name) {
   const std::string extension = std::filesystem::path(name).extension().string();
-  return extension == ".h5" || extension == ".hdf5" || extension == ".nc" || extension == ".npz" || extension == ".csv";
+  return extension == ".h5" || extension == ".hdf5" || extension == ".nc" || extension == ".npz" ||
+         extension == ".csv" || extension == ".vtkhdf";
 }
 
 ResultCheck check_result(const std::string& name, const report::ResultTable& table) {

@@ -23,3 +23,18 @@ write_basic_package_version_file(${PROJECT_BINARY_DIR}/bromwichConfigVersion.cma
 install(FILES ${PROJECT_BINARY_DIR}/bromwichConfig.cmake ${PROJECT_BINARY_DIR}/bromwichConfigVersion.cmake
               ${PROJECT_SOURCE_DIR}/cmake/FindFFTW3.cmake DESTINATION ${package_dir})
 install(FILES ${PROJECT_SOURCE_DIR}/LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR})
+
+# pkg-config for other build systems. The CUDA libraries have no such file on every system: there find_package is the way.
+if(NOT BROMWICH_HAS_CUDA)
+  file(RELATIVE_PATH to_prefix /${CMAKE_INSTALL_LIBDIR}/pkgconfig /)
+  set(pc_libs -lbromwich_core)
+  set(pc_requires "")
+  if(BROMWICH_CPU)
+    set(pc_libs "-lbromwich_cpu -lbromwich_cuda -lbromwich_core ${OpenMP_CXX_FLAGS}")
+    if(BROMWICH_TRANSFORM STREQUAL "FFTW")
+      set(pc_requires fftw3)
+    endif()
+  endif()
+  configure_file(${PROJECT_SOURCE_DIR}/cmake/bromwich.pc.in ${PROJECT_BINARY_DIR}/bromwich.pc @ONLY)
+  install(FILES ${PROJECT_BINARY_DIR}/bromwich.pc DESTINATION ${CMAKE_INSTALL_LIBDIR}/pkgconfig)
+endif()

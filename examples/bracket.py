@@ -192,17 +192,17 @@ def draw(path, result, about):
     figure, (left, right) = plt.subplots(1, 2, figsize=(10, 3.6))
     deformed = about["points"] + u[j]
     size = np.linalg.norm(u[j], axis=1)
-    drawn = left.tripcolor(*deformed.T, about["triangles"], size, shading="gouraud")
+    drawn = left.tripcolor(*deformed.T, about["triangles"], size, shading="gouraud", cmap="cividis")
     left.triplot(*deformed.T, about["triangles"], color="k", linewidth=0.2)
     left.plot(x, -about["gap"], color="tab:red", label="foundation")
-    left.set(aspect="equal", xlabel="x", ylabel="y", ylim=(-0.1, 1.4), title=f"t = {result.t[j]:.3g}")
+    left.set(aspect="equal", xlabel="x", ylabel="y", ylim=(-0.1, 1.4), title=f"The bracket at t = {result.t[j]:.3g}")
     left.legend(loc="upper left")
     figure.colorbar(drawn, ax=left, label="displacement", shrink=0.7)
-    for part in (0.25, 0.5, 0.75):
+    for part, line in ((0.25, "b--s"), (0.5, "k-o"), (0.75, "r:^")):  # different in print without colours as well
         k = round(part * (len(result.t) - 1))
-        right.plot(x, result.y[k], marker=".", label=f"t = {result.t[k]:.3g}")
-    right.set(xlabel="x", ylabel="contact pressure")
-    right.legend()
+        right.plot(x, result.y[k], line, ms=4, label=f"t = {result.t[k]:.3g}")
+    right.set(xlabel="x", ylabel="contact pressure", title="Pressure on the foundation")
+    right.legend(loc="center left", bbox_to_anchor=(1, 0.5), frameon=False)
     figure.tight_layout()
     figure.savefig(path, dpi=120)
 

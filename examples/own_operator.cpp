@@ -61,7 +61,7 @@ int main() {
   scene.name = "signorini-l-shape";
   scene.dynamics = dynamics;
   scene.M = Matrix(0.2 * Matrix::Identity(n, n));
-  scene.g = [n](double t, Eigen::Ref<Vector> g) {
+  scene.g = [](double t, Eigen::Ref<Vector> g) {
     for (Index i = 0; i < n; ++i) g[i] = -0.3 * std::sin(2 * M_PI * t) * std::sin(M_PI * double(i + 1) / double(n + 1));
   };
   scene.x0 = Vector::Zero(m);

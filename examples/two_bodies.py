@@ -187,13 +187,14 @@ def draw(path, result, about):
     deformed = points + data["displacement"][j]
     drawn = left.tripcolor(*deformed.T, triangles, data["temperature"][j], shading="gouraud", cmap="inferno")
     left.triplot(*deformed.T, triangles, color="w", linewidth=0.2)
-    left.set(aspect="equal", xlabel="x", ylabel="y", title=f"t = {result.t[j]:.3g}")
+    left.set(aspect="equal", xlabel="x", ylabel="y", title=f"Temperature at t = {result.t[j]:.3g}")
     figure.colorbar(drawn, ax=left, label="temperature", shrink=0.8)
     first = int(np.argmax(force(result, about) > 0))
-    for k in (first + (j - first) // 4, j, min(len(result.t) - 1, (j + len(result.t)) // 2)):
-        right.plot(about["x"], result.y[k], marker=".", label=f"t = {result.t[k]:.3g}")
-    right.set(xlabel="x", ylabel="contact pressure", ylim=(0, None))
-    right.legend()
+    times = first + (j - first) // 4, j, min(len(result.t) - 1, (j + len(result.t)) // 2)
+    for k, line in zip(times, ("b--s", "k-o", "r:^")):  # different in print without colours as well
+        right.plot(about["x"], result.y[k], line, ms=4, label=f"t = {result.t[k]:.3g}")
+    right.set(xlabel="x", ylabel="contact pressure", ylim=(0, None), title="Pressure between the bodies")
+    right.legend(loc="center left", bbox_to_anchor=(1, 0.5), frameon=False)
     figure.tight_layout()
     figure.savefig(path, dpi=120)
 

@@ -1,4 +1,4 @@
-// Reads the layout of hdf5_result.cpp.
+// Reads the layouts of hdf5_result.cpp and vtkhdf.cpp.
 
 #include "core/base/error.hpp"
 #include "files/hdf5_file.hpp"
@@ -99,12 +99,65 @@ Facts attributes(File& file) {
   return facts;
 }
 
+/// rows x (along across) of an array of points over time, the first `rows` of them; no rows if there is none.
+RowMatrix points(File& file, const std::string& name, Index rows, Index& across) {
+  if (!has(file, "VTKHDF/PointData/" + name)) return {};
+  const Handle data = open_dataset(file, file, "VTKHDF/PointData/" + name);
+  const Shape shape = shape_of(file, data);
+  if (shape.size() != 3 || Index(shape[0]) < rows)
+    throw Error(file.target().argument, "'" + file.target().path.string() + "' has another layout of " + name,
+                "give a file that 'bromwich solve --out' has written");
+  across = Index(shape[2]);
+  const Index all = Index(shape[0]), at_once = Index(shape[1] * shape[2]);
+  RowMatrix values(all, at_once);
+  if (values.size() > 0) read_all(file, data, H5T_NATIVE_DOUBLE, values.data());
+  return values.topRows(rows);
+}
+
+/// One value of each constraint: of the first point of its line, or of the last one on the opposite side.
+RowMatrix of_constraints(const RowMatrix& values, Index across, Index constraints) {
+  if (values.size() == 0) return {};
+  const Index along = values.cols() / across;
+  RowMatrix found(values.rows(), constraints == 2 * along ? 2 * along : along);
+  for (Index i = 0; i < found.cols(); ++i)
+    found.col(i) = values.col(i < along ? i * across : (i - along + 1) * across - 1);
+  return found;
+}
+
+std::vector<std::string> numbered(const char* letter, Index count) {
+  std::vector<std::string> names;
+  for (Index i = 0; i < count; ++i) names.push_back(letter + std::to_string(i));
+  return names;
+}
+
+/// The rows that were counted when they were complete.
+StoredResult read_image(File& file) {
+  StoredResult stored;
+  stored.facts = attributes(file);
+  Index rows = 0, constraints = 0, across = 1;
+  const Handle steps(file.checked(H5Gopen2(file, "VTKHDF/Steps", H5P_DEFAULT)), H5Gclose);
+  const Handle count(file.checked(H5Aopen(steps, "NSteps", H5P_DEFAULT)), H5Aclose);
+  file.checked(H5Aread(count, H5T_NATIVE_INT64, &rows));
+  for (const auto& [name, value] : stored.facts)
+    if (const auto* number = std::get_if<std::int64_t>(&value); number && name == "constraints") constraints = *number;
+  const RowMatrix t = table(file, "VTKHDF/Steps/Values");
+  stored.t = t.col(0).head(rows);
+  const RowMatrix y = points(file, "y", rows, across), w = points(file, "w", rows, across);
+  stored.y = of_constraints(y, across, constraints);
+  stored.w = of_constraints(w, across, constraints);
+  stored.x = points(file, "x", rows, across);
+  stored.constraint_names = numbered("y", stored.y.cols());
+  stored.state_names = numbered("x", stored.x.cols());
+  return stored;
+}
+
 }  // namespace
 
 StoredResult read_hdf5(const FileTarget& target) {
   if (std::error_code none; !std::filesystem::is_regular_file(target.path, none))
     throw Error(target.argument, "'" + target.path.string() + "' is no file", "give a file that exists");
   File file(target, File::Access::read);
+  if (has(file, "VTKHDF") && has(file, "VTKHDF/Steps")) return read_image(file);
   if (!has(file, "t"))
     throw Error(target.argument, "'" + target.path.string() + "' has no dataset t",
                 "give a file that 'bromwich solve --out' has written");

@@ -50,7 +50,8 @@ Section::Section(const Document& document, const toml::table* table, std::string
     const std::string what = name_.empty() && node.is_table() ? "section" : "key";
     throw Error(
         fmt::format("{}: {}", place(key.source()), name_.empty() ? one_line(found) : name_ + "." + one_line(found)),
-        fmt::format("is no known {}{}", what, suggestion(found, keys)), "use one of " + join(keys));
+        fmt::format("is no known {}{}", what, suggestion(found, keys)),
+        found == "include" ? "move it to the head of the file, above all sections" : "use one of " + join(keys));
   }
 }
 

@@ -6,6 +6,7 @@
 //                                                       two sides on the half of the line that is next to them
 // VTKHDF/Steps/Values          (rows)                   times
 // VTKHDF/Steps/PointDataOffsets/NAME   (rows)           the row of each time
+// attribute constraints of the root                     along, or twice that with constraints on two sides
 
 #include "core/base/error.hpp"
 #include "files/batched_file.hpp"
@@ -38,6 +39,7 @@ class VtkhdfResult : public BatchedFile {
                const Facts& facts)
       : VtkhdfResult(target, grid, columns, File::Access::create, expected_rows) {
     set_attributes(file_, file_, facts);
+    set_attribute(file_, file_, "constraints", std::int64_t(columns.constraints));
     image_ = group(file_, "VTKHDF");
     steps_ = group(image_, "Steps");
     describe_image(grid);

@@ -52,7 +52,9 @@ std::vector<std::vector<Index>> panels(const Quantity& q, const RowMatrix& value
   std::stable_sort(sizes.begin(), sizes.end(), [](const auto& a, const auto& b) { return a.first > b.first; });
   std::vector<std::vector<Index>> groups;
   std::vector<double> of_group;
-  for (const auto& [size, i] : sizes) {
+  for (const auto& entry : sizes) {
+    const double size = entry.first;  // clang 14 takes no structured binding into a lambda
+    const Index i = entry.second;
     std::size_t g = 0;
     const auto fits = [&](std::size_t k) {
       return q.units[std::size_t(groups[k].front())] == q.units[std::size_t(i)] &&

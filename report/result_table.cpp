@@ -209,11 +209,9 @@ ResultTable read_npz_table(const std::filesystem::path& path, const std::string&
 /// What reads a file, by its extension.
 using Reader = std::function<ResultTable(const std::filesystem::path&, const std::string& argument, Index constraints)>;
 const std::map<std::string, Reader>& readers() {
-  static const std::map<std::string, Reader> known{{".csv", read_csv},
-                                                   {".h5", read_hdf5_table},
-                                                   {".hdf5", read_hdf5_table},
-                                                   {".nc", read_hdf5_table},
-                                                   {".npz", read_npz_table}};
+  static const std::map<std::string, Reader> known{{".csv", read_csv},         {".h5", read_hdf5_table},
+                                                   {".hdf5", read_hdf5_table}, {".nc", read_hdf5_table},
+                                                   {".npz", read_npz_table},   {".vtkhdf", read_hdf5_table}};
   return known;
 }
 

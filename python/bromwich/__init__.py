@@ -30,9 +30,9 @@ from ._errors import (
 )
 from ._batch import BatchResult, solve_batch
 from ._backends import BackendInfo, backends, cuda_devices
-from ._io import SavedResult, load
 from ._nonlinear import NonlinearResult, solve_nonlinear
 from ._result import Result, Status, Switch
+from ._saved_result import SavedResult, load
 from ._scene import Scene, scene, scenes
 from ._solve import Solver, solve
 

@@ -40,6 +40,24 @@ def is_sparse(a: Any) -> bool:
     return hasattr(a, "tocsc") and hasattr(a, "nnz")
 
 
+def number(value: Any, name: str) -> float:
+    """A number, not a text that looks like one."""
+    try:
+        if isinstance(value, (str, bytes)):
+            raise TypeError
+        return float(value)
+    except (TypeError, ValueError):
+        raise Error(f"{name}: found {value!r}; give a number", name) from None
+
+
+def whole_number(value: Any, name: str) -> int:
+    """1, 2, ...; 1e6 is one."""
+    found = number(value, name)
+    if not (1 <= found < 2**63 and found == int(found)):
+        raise Error(f"{name}: found {value!r}; give a whole number from 1 on", name)
+    return int(found)
+
+
 # Of DLPack: the processor, and memory of devices that the processor can read.
 READABLE = frozenset({1, 3, 11, 13})
 CUDA = 2

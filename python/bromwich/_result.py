@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from . import _core
+from ._arrays import on_host
 from ._derivative import Derivative
 from ._errors import Error
 from ._sources import restored
@@ -66,7 +67,7 @@ class Result:
 
     @property
     def constraint_names(self) -> list[str]:
-        """Of the columns of ``y`` and ``w``, where a scene file gives them; otherwise empty."""
+        """Of the columns of ``y`` and ``w``, where the scene gives them; otherwise empty."""
         return self._scene.names["y"]
 
     @property
@@ -77,7 +78,7 @@ class Result:
 
     @property
     def units(self) -> dict[str, str]:
-        """Of ``t``, ``y``, ``w`` and ``x``, where a scene file gives one for all components; otherwise an empty text."""
+        """Of ``t``, ``y``, ``w`` and ``x``, where the scene gives one for all components; otherwise an empty text."""
         found = self._scene.units
         return {key: found[key][0] if len(set(found[key])) == 1 else "" for key in ("t", "y", "w", "x")}
 
@@ -242,7 +243,10 @@ class Result:
             Error: for times outside [0, T]; for times between time points where y is not linear there; for x of sparse
                 scenes (solve with ``states=None``).
         """
-        times = np.atleast_1d(np.asarray(t, dtype=np.float64)).ravel()
+        times = np.atleast_1d(on_host(t, "t")).ravel()
+        first, last = self._span()
+        for time in times[~((times >= first) & (times <= last * (1 + np.finfo(float).eps)))][:1].tolist():
+            raise Error(f"t: found {time!r}; give times from {first!r} to {last!r}", "t")
         return Result(self._answer.at(times.tolist()), self._scene)
 
     def derivative(self, *, located: bool | None = None) -> Derivative:
@@ -309,7 +313,14 @@ class Result:
 
         return attributes(self)
 
+    def _span(self) -> tuple[float, float]:
+        """From where to where ``at`` has values."""
+        return 0.0, self._scene.T
+
     def __repr__(self) -> str:
+        return f"<bromwich.Result {', '.join(self._words())}>"
+
+    def _words(self) -> list[str]:
         words = [f"{self.status} by {self.method}"]
         if self.ok:
             estimate = self.error_estimate
@@ -321,7 +332,7 @@ class Result:
         words.append(_seconds(self.seconds))
         if self.warning:
             words.append(f"warning: {self.warning}")
-        return f"<bromwich.Result {', '.join(words)}>"
+        return words
 
 
 def _restored(scene: Scene, state: dict[str, Any]) -> Result:

@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 
 from . import _core
-from ._arrays import Tridiagonal, compressed, filled, is_sparse, lcp_matrix, matrix, vector
+from ._arrays import Tridiagonal, compressed, filled, is_sparse, lcp_matrix, matrix, number, vector, whole_number
 from ._dynamics import Dynamics, Kronecker
 from ._errors import Error
+from ._labels import names_of, units_of
 from ._sources import on_this_host, restored, source, steps_of
 from ._words import suggestion
 
@@ -42,6 +43,9 @@ class Scene:
         steps: time steps J where a solve does not say; default 400, or those of a table.
         dynamics: in place of A, B, N and E: :class:`Dynamics` (callbacks) or :class:`Kronecker`.
         name: for messages.
+        names: of components, ``{"x": ["v", "i"], "y": ["i_D"]}``: m for x, n for y and for w. ``states=`` takes them;
+            results, pictures and files have them.
+        units: likewise, one for each component or one text for all, and ``"t"``: ``{"t": "s", "x": ["V", "A"]}``.
 
     Sources are given as
 
@@ -83,11 +87,13 @@ class Scene:
         steps: int | None = None,
         dynamics: Dynamics | Kronecker | None = None,
         name: str = "",
+        names: Mapping[str, Iterable[str]] | None = None,
+        units: Mapping[str, str | Iterable[str]] | None = None,
     ) -> None:
         if T is None:
             raise Error("T: is missing; give the final time", "T")
         model = _core.Model.empty()
-        model.name, model.T = name, float(T)
+        model.name, model.T = name, number(T, "T")
         in_sine_modes = isinstance(dynamics, Kronecker) and dynamics.in_sine_modes
         single_states = not isinstance(F, str) and (F is not None or (f is not None and not in_sine_modes))
         _set_dynamics(model, A, B, N, E, dynamics, single_states)
@@ -100,14 +106,14 @@ class Scene:
         if in_sine_modes and f is not None and F is None:
             raise Error("f: enters the states of a Kronecker sum; give n values and F='B', for B f(t)", "f")
         _set_f_entry(model, F)
-        self._model, self._parameters = model, dict(parameters or {})
+        self._model, self._parameters = model, _parameters(parameters)
         f, g = on_this_host(f, "f"), on_this_host(g, "g")
         parts = self._sources(f, g)
         tables = [steps_of(f, model.sources), steps_of(g, model.constraints)]
-        model.steps = int(steps) if steps is not None else max(tables) or 400
+        model.steps = whole_number(steps, "steps") if steps is not None else max(tables) or 400
         model.set_sources(*parts, sorted(float(t) for t in breakpoints))
         model.validate()
-        self._facts: dict[str, Any] = {}
+        self._facts: dict[str, Any] = {"names": names_of(model, names), "units": units_of(model, units)}
         self._recipe: tuple | None = None
 
     def _sources(self, f: Any, g: Any) -> tuple[_core.Source | None, _core.Source | None]:
@@ -130,7 +136,7 @@ class Scene:
         if self._recipe is not None:
             return _made_again, (type(self), self._recipe, _fingerprint(self._model))
         state = _core.state_of_model(self._model)
-        return _restored, (type(self), state, _core.state_of_sources(self._model), self._parameters)
+        return _restored, (type(self), state, _core.state_of_sources(self._model), self._parameters, self._facts)
 
     @classmethod
     def from_toml(cls, path: str | os.PathLike[str], **settings: float) -> Scene:
@@ -208,13 +214,14 @@ class Scene:
 
     @property
     def names(self) -> dict[str, list[str]]:
-        """What a file calls the components of x, y and w, by these letters; empty lists where it gives no names."""
-        return self._model.names
+        """Of the components of x, y and w, by these letters; empty lists where none were given."""
+        return dict(self._facts.get("names") or self._model.names)
 
     @property
     def units(self) -> dict[str, list[str]]:
-        """Units of the components of x, y and w of a file, likewise, and that of time, a list of one text, as ``"t"``."""
-        return {"t": [self._model.time_unit] if self._model.time_unit else [], **self._model.units}
+        """Units of the components of x, y and w, likewise, and that of time, a list of one text, as ``"t"``."""
+        of_file = {"t": [self._model.time_unit] if self._model.time_unit else [], **self._model.units}
+        return dict(self._facts.get("units") or of_file)
 
     @property
     def description(self) -> str:
@@ -271,7 +278,9 @@ def scenes() -> dict[str, dict[str, Any]]:
     return {name: {"summary": summary, "parameters": parameters} for name, summary, parameters in _core.catalogue()}
 
 
-def _restored(cls: type[Scene], state: dict[str, Any], sources: tuple, parameters: dict[str, float]) -> Scene:
+def _restored(
+    cls: type[Scene], state: dict[str, Any], sources: tuple, parameters: dict[str, float], facts: dict[str, Any]
+) -> Scene:
     """A scene that was stated by arrays, from what ``Scene.__reduce__`` has kept."""
     model = _core.Model.empty()
     model.name, model.T, model.steps, model.free_rows = (state[k] for k in ("name", "T", "steps", "free_rows"))
@@ -287,7 +296,7 @@ def _restored(cls: type[Scene], state: dict[str, Any], sources: tuple, parameter
     f, g, breakpoints = sources
     model.set_sources(restored(f), restored(g), breakpoints)
     model.validate()
-    return cls._of(model, parameters, {})
+    return cls._of(model, parameters, facts)
 
 
 def _made_again(cls: type[Scene], recipe: tuple, fingerprint: str) -> Scene:
@@ -305,6 +314,12 @@ def _fingerprint(model: _core.Model) -> str:
     times = model.T * np.array([0.0, 0.137, 0.381, 0.729, 1.0])
     values = [_core.source_values(model, float(t)) for t in times]
     return hashlib.sha256(pickle.dumps((_core.state_of_model(model), values), protocol=4)).hexdigest()
+
+
+def _parameters(given: Mapping[str, float] | None) -> dict[str, float]:
+    if given is not None and not isinstance(given, Mapping):
+        raise Error(f"parameters: is a {type(given).__name__}; give a dict of names and numbers", "parameters")
+    return {str(k): number(v, f"parameters[{k!r}]") for k, v in (given or {}).items()}
 
 
 def _set_dynamics(

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import operator
+import os
 import warnings
 from collections.abc import Callable, Iterable
 from typing import Any, Literal
 
 from . import _core
-from ._arrays import filled
+from ._arrays import filled, number, whole_number
 from ._errors import Error, Interrupted, NotSolved, NotSolvedWarning
 from ._progress import reporting
 from ._result import Result, Status
@@ -46,7 +48,7 @@ def solve(
     max_seconds: float | None = None,
     iteration_tol: float | None = None,
     max_iterations: int | None = None,
-    states: str | Iterable[int] | None = "auto",
+    states: str | Iterable[int | str] | None = "auto",
     memory_limit: float | None = None,
     event_location: bool = False,
     **arguments: Any,
@@ -75,8 +77,8 @@ def solve(
         max_steps, max_seconds: where a tolerance ends refining.
         iteration_tol: where sweeps end, the largest change relative to max(1, |y|); None: 1e-12, or tol/1000.
         max_iterations: sweeps at most.
-        states: components of x to record: ``"all"``, ``"none"`` or None, a list of indices from 0, or ``"auto"``: all
-            of them where there are at most 1000.
+        states: components of x to record: ``"all"``, ``"none"`` or None, a list of indices from 0 or of names, or
+            ``"auto"``: all of them where there are at most 1000.
         memory_limit: bytes; a solve that is predicted to need more is refused.
         event_location: method galerkin: solve again with nodes where constraints switch.
 
@@ -97,6 +99,7 @@ def solve(
         >>> r.status, r.y[-1]
     """
     _known(arguments)
+    judgement(check, progress, stop)
     scene = stated(scene, steps, arguments)
     if steps is tol is tol_x is tol_y is None:
         tol = scene._facts.get("tolerance")  # of a file
@@ -175,6 +178,7 @@ class Solver:
         self, *, progress: Progress | bool | None = None, stop: Callable[[], bool] | None = None, check: Check = "warn"
     ) -> Result:
         """As :func:`bromwich.solve`, with the scene as it is now."""
+        judgement(check, progress, stop)
         with reporting(progress, self._iteration_tolerance) as report:
             answer = self._prepared.solve(report, stop)
         return _checked(answer, self._scene, check, stop)
@@ -201,7 +205,7 @@ def _options(
     max_seconds: float | None = None,
     iteration_tol: float | None = None,
     max_iterations: int | None = None,
-    states: str | Iterable[int] | None = "auto",
+    states: str | Iterable[int | str] | None = "auto",
     memory_limit: float | None = None,
     event_location: bool = False,
 ) -> _core.Options:
@@ -213,52 +217,84 @@ def _options(
         raise Error(f"{found}{suggestion(method, known.split(', '))}; use one of {known}", "method") from None
     o.trace = True
     o.event_location = event_location
-    if steps is not None:
-        if int(steps) < 1 or int(steps) != steps:
-            raise Error(f"steps: found {steps}; give a whole number from 1 on", "steps")
-        o.steps = int(steps)
-    tolerances = [t for t in (tol, tol_x, tol_y) if t is not None and t > 0]
+    tolerances = [_tolerance(t, name) for t, name in ((tol, "tol"), (tol_x, "tol_x"), (tol_y, "tol_y")) if t is not None]
     if tolerances:
         o.iteration_tolerance = max(1e-3 * min(tolerances), o.iteration_tolerance)
-    for attribute, value in (
-        ("tolerance", tol),
-        ("tolerance_x", tol_x),
-        ("tolerance_y", tol_y),
-        ("absolute_tolerance", atol),
-        ("max_steps", max_steps),
-        ("max_seconds", max_seconds),
-        ("iteration_tolerance", iteration_tol),
-        ("max_iterations", max_iterations),
-        ("memory_limit", memory_limit),
+    for attribute, name, kind, value in (
+        ("steps", "steps", whole_number, steps),
+        ("tolerance", "tol", number, tol),
+        ("tolerance_x", "tol_x", number, tol_x),
+        ("tolerance_y", "tol_y", number, tol_y),
+        ("absolute_tolerance", "atol", number, atol),
+        ("max_steps", "max_steps", whole_number, max_steps),
+        ("max_seconds", "max_seconds", number, max_seconds),
+        ("iteration_tolerance", "iteration_tol", number, iteration_tol),
+        ("max_iterations", "max_iterations", whole_number, max_iterations),
+        ("memory_limit", "memory_limit", number, memory_limit),
     ):
         if value is not None:
-            setattr(
-                o,
-                attribute,
-                int(value) if attribute.startswith("max_") and attribute != "max_seconds" else float(value),
-            )
+            setattr(o, attribute, kind(value, name))
     _select_states(o, scene, states)
     return o
 
 
-def _select_states(o: _core.Options, scene: Scene, states: str | Iterable[int] | None) -> None:
+def _tolerance(value: Any, name: str) -> float:
+    found = number(value, name)
+    if not 0 < found < 1:
+        raise Error(f"{name}: found {value!r}; give a number between 0 and 1, or None for one grid", name)
+    return found
+
+
+def _select_states(o: _core.Options, scene: Scene, states: str | Iterable[int | str] | None) -> None:
     if isinstance(states, str):
         if states not in ("auto", "all", "none"):
-            raise Error(f"states: found {states!r}; use 'auto', 'all', 'none' or a list of indices", "states")
+            remedy = "use 'auto', 'all', 'none' or a list of indices or names"
+            raise Error(f"states: found {states!r}; {remedy}", "states")
         if states == "all" or (states == "auto" and scene.states <= RECORDED_STATES):
             o.record_all_states()
     elif states is not None:
-        components = [int(i) for i in states]
+        components = _components(states, scene.names["x"])
         if components:
             o.record_states(components)
+
+
+def _components(states: Any, names: list[str]) -> list[int]:
+    try:
+        wanted = list(states)
+    except TypeError:
+        raise Error(f"states: found {states!r}; give a list, such as [0]", "states") from None
+    known = {name: i for i, name in enumerate(names)}
+    components = []
+    for state in wanted:
+        found = known.get(state) if isinstance(state, str) else state
+        try:
+            components.append(operator.index(found))
+        except TypeError:
+            remedy = f"give indices from 0, or names: {', '.join(names)}" if names else "give indices from 0"
+            raise Error(f"states: found {state!r}{suggestion(str(state), names)}; {remedy}", "states") from None
+    return components
+
+
+def judgement(check: Any, progress: Any, stop: Any) -> None:
+    """Refuses what cannot be meant, before a solve."""
+    if check not in (True, False, "warn"):
+        raise Error(f"check: found {check!r}; use 'warn', True to raise NotSolved, or False", "check")
+    if not (progress is None or isinstance(progress, bool) or callable(progress)):
+        raise Error(f"progress: found {progress!r}; give True or a function of (done, total, change)", "progress")
+    if not (stop is None or callable(stop)):
+        raise Error(f"stop: found {stop!r}; give a function without arguments", "stop")
 
 
 def stated(scene: Scene | None, steps: int | None, arguments: dict[str, Any]) -> Scene:
     """The scene, or one of arguments by name."""
     if scene is None:
         return Scene(steps=steps, **arguments)
+    if isinstance(scene, (str, os.PathLike)):
+        maker = "Scene.from_toml" if os.fspath(scene).endswith(".toml") else "scene"
+        raise Error(f"scene: is the name {os.fspath(scene)!r}; give bromwich.{maker}({os.fspath(scene)!r})", "scene")
     if not isinstance(scene, Scene):
-        raise Error(f"scene: is a {type(scene).__name__}; give a bromwich.Scene, or A, B, N, ... by name", "scene")
+        remedy = "its entries by name, solve(**scene)" if isinstance(scene, dict) else "A, B, N, ... by name"
+        raise Error(f"scene: is a {type(scene).__name__}; give a bromwich.Scene, or {remedy}", "scene")
     if arguments:
         name = next(iter(arguments))
         raise Error(f"{name}: is given with a scene; make the scene with it", name)

@@ -11,6 +11,9 @@ from . import _core
 from ._arrays import of_other_library, on_host, vector
 from ._errors import Error
 
+# Where a file has its [parameters].
+IN_PARAMETERS = "define it in parameters={...},"
+
 
 def source(given: Any, name: str, width: int, T: float, parameters: Mapping[str, float]) -> _core.Source | None:
     """Whatever a user may give for f or g, with ``width`` values; None: zero."""
@@ -23,11 +26,17 @@ def source(given: Any, name: str, width: int, T: float, parameters: Mapping[str,
     if isinstance(given, (list, tuple)) and given and any(isinstance(entry, str) for entry in given):
         _require(len(given) == width, name, f"has {len(given)} expressions", f"give {width}")
         texts = [entry if isinstance(entry, str) else repr(float(entry)) for entry in given]
-        return _core.Source.expressions(texts, {k: float(v) for k, v in parameters.items()}, T, name)
+        try:
+            return _core.Source.expressions(texts, dict(parameters), T, name)
+        except Error as error:
+            raise Error(str(error).replace("define it in [parameters], before its first use,", IN_PARAMETERS), name) from None
     if isinstance(given, tuple) and len(given) == 2 and np.ndim(given[1]) >= 1 and np.ndim(given[0]) == 1:
         times, values = vector(given[0], name), on_host(given[1], name)
         if values.shape in ((times.size,), (times.size, width)) and times.size > 1:
             return _table(times, values, name, width, T, kinks=True)
+        if np.shape(given[0]) != np.shape(given[1]):
+            found = f"is a pair with {times.size} times and values of shape {values.shape}"
+            raise Error(f"{name}: {found}; give a row of {width} values for each time", name)
     array = on_host(given, name)
     if array.ndim == 2 and array.shape[0] > 1 or array.ndim == 1 and width == 1 and array.size > 1:
         return _table(np.linspace(0, T, array.shape[0]), array, name, width, T, kinks=False)
@@ -81,6 +90,8 @@ class _OneTime:
     def __call__(self, t: float) -> np.ndarray:
         returned, name, width = self.function(t), self.name, self.width
         try:
+            if returned is None:
+                raise TypeError("None")
             found = np.asarray(returned, dtype=np.float64)
         except (TypeError, ValueError) as error:
             raise Error(f"{name}: returned no numbers at t = {t:g} ({error}); return {width} values", name) from error

@@ -38,6 +38,26 @@ import pytest
         (dict(steps=0), "steps"),
         (dict(steps=2.5), "steps"),
         (dict(tol=2), "tol"),
+        (dict(tol=0), "tol"),
+        (dict(tol="1e-3"), "tol"),
+        (dict(steps="400"), "steps"),
+        (dict(max_steps=0.5), "max_steps"),
+        (dict(T="2 s"), "T"),
+        (dict(g=lambda t: None), "g"),
+        (dict(g=([0.0, 1.0, 2.0], [0.0, 1.0])), "g"),
+        (dict(g="-a*t", parameters={"a": "x"}), "parameters['a']"),
+        (dict(parameters=3), "parameters"),
+        (dict(states=0), "states"),
+        (dict(states=["v"]), "states"),
+        (dict(states=[0.5]), "states"),
+        (dict(names=["v"]), "names"),
+        (dict(names={"v": ["v"]}), "names"),
+        (dict(names={"x": ["v", "i"]}), "names"),
+        (dict(names={"x": ["v"], "y": ["v"]}), "names"),
+        (dict(units={"x": ["V", "A"]}), "units"),
+        (dict(check="raise"), "check"),
+        (dict(progress=3), "progress"),
+        (dict(stop=True), "stop"),
         (dict(atol=-1), "atol"),
         (dict(iteration_tol=-1), "iteration_tol"),
         (dict(method="automatic"), "method"),
@@ -60,6 +80,12 @@ def test_misspelt_argument(diode):
         bromwich.solve(**diode, stepz=100)
     with pytest.raises(TypeError, match=r"'C' \(did you mean 'N'\?\)"):  # of Siconos
         bromwich.solve(A=-1, B=1, C=1, D=1, x0=0, T=1)
+    with pytest.raises(bromwich.Error, match=r"'w', which is not defined; define it in parameters=\{...\}, or use"):
+        bromwich.solve(**diode, g="sin(w*t)")
+    with pytest.raises(bromwich.Error, match=r"scene: is the name 'my.toml'; give bromwich.Scene.from_toml\('my.toml'\)"):
+        bromwich.solve("my.toml")
+    with pytest.raises(bromwich.Error, match=r"scene: is a dict; give a bromwich.Scene, or its entries by name"):
+        bromwich.solve(diode)
     for word, meant in (("automatic", "auto"), ("marc", "march"), ("multi-grid", "multigrid")):
         with pytest.raises(bromwich.Error, match=rf"method: found '{word}' \(did you mean '{meant}'\?\); use one of auto"):
             bromwich.solve(**diode, method=word)

@@ -1,6 +1,7 @@
 """Files of results: what Python and the command write, and what reads it."""
 
 import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -142,7 +143,7 @@ def test_saved_results_are_results(result, tmp_path):
     between = read.at([0.1234, 0.5])
     assert between.t.tolist() == [0.1234, 0.5]
     assert between.y[0, 0] == np.interp(0.1234, result.t, result.y[:, 0])
-    assert "solved" in repr(read)
+    assert repr(read) == f"<bromwich.Result solved by {result.method}, residual {result.residual:.1e}, 201 rows up to t = 2>"
     for missing in (lambda: read.switches, lambda: read.y_integral, lambda: read.at(7.0)):
         with pytest.raises(bromwich.Error):
             missing()
@@ -174,6 +175,42 @@ def test_bad_names(result, tmp_path):
     np.savez(tmp_path / "other.npz", a=1)
     with pytest.raises(bromwich.Error, match="no result"):
         bromwich.load(tmp_path / "other.npz")
+
+
+@pytest.mark.parametrize("extension", ["npz", "h5", "csv"])
+def test_a_full_disk_leaves_the_old_file(result, tmp_path, extension):
+    """A limit on the size of files stands for the disk; below it lie the old file and not the new one."""
+    if extension == "h5":
+        pytest.importorskip("h5py")
+    resource = pytest.importorskip("resource")
+    path = tmp_path / f"r.{extension}"
+    result.save(path)
+    old = path.read_bytes()
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    handler = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)  # the write fails instead
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, limits[1]))
+    try:
+        with pytest.raises(OSError):
+            result.save(path)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+        signal.signal(signal.SIGXFSZ, handler)
+    assert path.read_bytes() == old and list(tmp_path.iterdir()) == [path]
+    with pytest.raises(FileNotFoundError, match="create it first"):
+        result.save(tmp_path / "none" / path.name)
+
+
+def test_fields_with_constraints_on_two_sides(tmp_path):
+    """As the command writes them: lines of 3 points, the second side on the last point of each of the 2 lines."""
+    h5py = pytest.importorskip("h5py")
+    y = np.arange(8.0).reshape(2, 4)
+    with h5py.File(tmp_path / "two.vtkhdf", "w") as file:
+        file.attrs["constraints"], file.attrs["status"] = 4, "solved"
+        file["VTKHDF/Steps/Values"] = [0.0, 0.5]
+        file["VTKHDF/Steps"].attrs["NSteps"] = 2
+        points = [[[row[i], row[i], row[i + 2]] for i in range(2)] for row in y]
+        file["VTKHDF/PointData/y"] = np.array(points)
+    np.testing.assert_array_equal(bromwich.load(tmp_path / "two.vtkhdf").y, y)
 
 
 @pytest.mark.skipif("BROMWICH_TEST_VTK" not in os.environ, reason="asks VTK, of 100 MB: set BROMWICH_TEST_VTK=1")

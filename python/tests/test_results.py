@@ -1,6 +1,7 @@
 """Results: views, other times, files, pictures, words."""
 
 import gc
+import pickle
 import weakref
 
 import bromwich
@@ -69,6 +70,22 @@ def test_words(result):
         assert word in words
     assert "error estimate" in repr(bromwich.solve(bromwich.scene("dlcp-small"), tol=1e-3))
     assert "3 states" in repr(bromwich.scene("dlcp-small"))
+
+
+def test_names_and_units(tmp_path):
+    """Of a scene of arrays: in options, pictures, data sets, files and pickles, as of a scene file."""
+    names, units = {"x": ["v", "i"], "y": ["i_D"]}, {"t": "s", "x": ["V", "A"], "y": "A"}
+    scene = bromwich.Scene(A=[[0, -1], [1, 0]], B=[-1, 0], N=[-1, 0], M=1, x0=[1, 0], T=1, steps=20, names=names, units=units)
+    assert scene.names == {**names, "w": []} and scene.units["x"] == ["V", "A"]
+    r = bromwich.solve(scene, states=["i"])
+    assert r.x_components == [1] and r.state_names == ["i"] and r.constraint_names == ["i_D"]
+    np.testing.assert_array_equal(r.x[:, 0], bromwich.solve(scene, states=[1]).x[:, 0])
+    assert r.units == {"t": "s", "y": "A", "w": "", "x": ""}  # V and A are not one unit
+    with pytest.raises(bromwich.Error, match=r"states: found 'I' \(did you mean 'i'\?\); .* names: v, i"):
+        bromwich.solve(scene, states=["I"])
+    assert pickle.loads(pickle.dumps(r)).state_names == ["i"]
+    r.save(tmp_path / "r.npz")
+    assert bromwich.load(tmp_path / "r.npz").constraint_names == ["i_D"]
 
 
 def test_status_is_a_string(result):

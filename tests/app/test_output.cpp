@@ -85,6 +85,10 @@ TEST_F(CliOutput, RectanglesAreGrids) {
   const Outcome outcome = run("solve " + plate + " --steps 20 --states all --out p.vtkhdf");
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   EXPECT_EQ(Hdf5Reading(folder_ / "p.vtkhdf").shape("VTKHDF/PointData/x"), (std::vector<hsize_t>{21, 5, 7}));
+  const Outcome checked = run("check p.vtkhdf"), plotted = run("plot p.vtkhdf");
+  EXPECT_EQ(checked.exit_code, 0) << checked.err;
+  EXPECT_TRUE(contains(checked.out, "21 rows") && contains(checked.out, "10 columns")) << checked.out;
+  EXPECT_EQ(plotted.exit_code, 0) << plotted.err;
 }
 
 TEST_F(CliOutput, EnergiesInAllFormats) {
@@ -207,6 +211,11 @@ TEST_F(CliOutput, AStoppedRunIsContinued) {
     const Hdf5Reading part(folder_ / "k.h5");
     EXPECT_EQ(part.text("status"), "interrupted");
     EXPECT_TRUE(part.rows("y").allFinite());
+    // The time of the run, not that of the part: within a step of the last row, in ten digits.
+    const std::string at = "stopped on request at t = ", reason = part.text("reason");
+    ASSERT_TRUE(reason.starts_with(at)) << reason;
+    const RowMatrix t = part.rows("t");
+    EXPECT_NEAR(std::stod(reason.substr(at.size())), t(t.rows() - 1), 1.01 * (t(1) - t(0))) << reason;
   }
   // A new file gets the rest alone.
   ASSERT_EQ(run(options + "--restart c.h5 --out rest.h5").exit_code, 0);

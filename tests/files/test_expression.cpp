@@ -131,6 +131,7 @@ TEST_F(ExpressionTest, RefusesWhatIsNoExpression) {
       {"R > 1 & R < 3", "has a single '&'"},
       {"R > 1 | R < 3", "write ||"},
       {"2**R", "write a power with ^"},
+      {"7%R", "write a remainder as mod(a, b)"},
       {"np.sin(1)", "without 'np.'"},
       {"t", "depends on the time"},
       {"t + 1", "depends on the time"},

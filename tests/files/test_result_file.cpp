@@ -3,6 +3,7 @@
 #include "core/base/error.hpp"
 #include "files/checkpoint.hpp"
 #include "files/result_file.hpp"
+#include "files/stored_result.hpp"
 #include "tests/files/hdf5_reading.hpp"
 
 #include <hdf5_hl.h>
@@ -186,6 +187,12 @@ TEST_F(ResultFileTest, FieldsWithConstraintsOnTwoSides) {
   const RowMatrix y = read.rows("VTKHDF/PointData/y");
   const Index constraint[] = {0, 0, 2, 1, 1, 3};
   for (Index i = 0; i < 6; ++i) EXPECT_EQ(y.col(i), given.y.col(constraint[i]).head(2)) << i;
+  // Read again it is what was given, of both sides.
+  const StoredResult stored = read_hdf5(target("r.vtkhdf"));
+  EXPECT_EQ(stored.t, given.t.head(2));
+  EXPECT_EQ(stored.y, given.y.topRows(2));
+  EXPECT_EQ(stored.x, given.x.topRows(2));
+  EXPECT_EQ(stored.constraint_names, (std::vector<std::string>{"y0", "y1", "y2", "y3"}));
 }
 
 TEST_F(ResultFileTest, Checkpoints) {

@@ -45,6 +45,7 @@ TEST(SceneFile, MistakesNameFileLineAndKey) {
       {with(7, "x_0 = [3]"),
        "my.toml:7: dynamics.x_0: is no known key (did you mean 'x0'?); use one of A, B, E, f, F, x0"},
       {with(12, "Time = 2"), "my.toml:12: time.Time: is no known key"},
+      {with(12, "include = \"a.toml\""), "my.toml:12: time.include: is no known key; move it to the head of the file"},
       {with(9, ""), "my.toml:8: complementarity.N: is missing"},
       {with(12, ""), "my.toml:11: time.T: is missing; add T = ... to [time]"},
       {"dynamics = 3\n", "my.toml:1: dynamics: found 3; write a section [dynamics]"},

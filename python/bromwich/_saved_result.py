@@ -1,0 +1,232 @@
+"""Results from files that :meth:`bromwich.Result.save` or the command has written."""
+
+from __future__ import annotations
+
+import errno
+import json
+import math
+import os
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from ._errors import Error
+from ._io import ARRAYS, HDF5, extension_of, h5py_for
+from ._result import Result
+
+READ = (*HDF5, ".npz", ".csv", ".vtkhdf")
+
+
+def load(path: str | os.PathLike[str]) -> SavedResult:
+    """Reads a file of results that :meth:`Result.save` or ``bromwich solve --out`` has written.
+
+    Args:
+        path: a file ``.h5`` (needs h5py), ``.npz``, ``.csv`` or ``.vtkhdf`` (needs h5py). Of a run that was killed it
+            has the rows up to there, with status ``running``.
+
+    Raises:
+        Error: for another extension, or a file that does not hold a result.
+        OSError: for a file that cannot be read.
+    """
+    name, extension = extension_of(path, READ)
+    if not os.path.exists(name):
+        raise FileNotFoundError(errno.ENOENT, "path: the file does not exist; give a file of results", name)
+    if extension == ".npz":
+        with np.load(name, allow_pickle=False) as file:
+            arrays = {key: file[key] for key in file.files}
+        prefix = "attribute_"
+        facts = {key[len(prefix) :]: arrays.pop(key).item() for key in list(arrays) if key.startswith(prefix)}
+    elif extension == ".csv":
+        arrays, facts = _load_csv(name)
+    else:
+        arrays, facts = _load_hdf5(name, extension == ".vtkhdf")
+    if "t" not in arrays:
+        raise Error(f"path: {name!r} holds no result; give a file of Result.save or of bromwich solve --out", "path")
+    return SavedResult(arrays, facts)
+
+
+class SavedResult(Result):
+    """A result that was read from a file: ``t``, ``y``, ``w``, ``x`` and what is known of them, as of :class:`Result`.
+
+    Of the scene it has the name. Switches, the integral of y and other times are what the rows of the file say.
+    """
+
+    def __init__(self, arrays: dict[str, np.ndarray], facts: dict[str, Any]) -> None:
+        for values in arrays.values():
+            values.flags.writeable = False
+        self._units, self._columns = facts.pop("_units", {}), facts.pop("_columns", {})
+        super().__init__(_Answer(arrays, facts), SimpleNamespace(name=facts.get("scene", "")))
+        self._facts = facts
+
+    @property
+    def attributes(self) -> dict[str, Any]:
+        """All that the file says about the run: ``docs/output.md`` lists it."""
+        return dict(self._facts)
+
+    @property
+    def constraint_names(self) -> list[str]:
+        """Of the columns of ``y`` and ``w``."""
+        return [str(name) for name in self._answer.constraint_names]
+
+    @property
+    def state_names(self) -> list[str]:
+        """Of the columns of ``x``."""
+        return [str(name) for name in self._answer.state_names]
+
+    @property
+    def columns(self) -> dict[str, np.ndarray]:
+        """Of a CSV file: every column by its header. ``y`` and ``x`` are those named y0, x0, ...; a header with names of
+        the scene does not say which of the two a column is."""
+        return dict(self._columns)
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Of ``t``, ``y``, ``w`` and ``x``; an empty text where the file has none."""
+        return {key: str(self._units.get(key, "")) for key in ("t", "y", "w", "x")}
+
+    def _attributes(self) -> dict[str, Any]:
+        return dict(self._facts)
+
+    def _span(self) -> tuple[float, float]:
+        if not len(self.t):
+            raise Error("t: the file has no rows; solve again", "t")
+        return float(self.t[0]), float(self.t[-1])
+
+    def _words(self) -> list[str]:
+        """What the file knows."""
+        words = [f"{self.status}" + (f" by {self.method}" if self.method else "")]
+        words += [self.reason] if self.reason else []
+        words += [f"residual {self.residual:.1e}"] if math.isfinite(self.residual) else []
+        words += [f"error estimate {self.error_estimate:.1e}"] if self.error_estimate is not None else []
+        words.append(f"{len(self.t)} rows" + (f" up to t = {self.t[-1]:g}" if len(self.t) else ""))
+        words += [f"warning: {self.warning}"] if self.warning else []
+        return words
+
+
+class _Answer:
+    """What :class:`Result` asks of the library, from arrays."""
+
+    def __init__(self, arrays: dict[str, np.ndarray], facts: dict[str, Any]) -> None:
+        rows = len(arrays["t"])
+        self.t = arrays["t"]
+        self.y = arrays.get("y", np.empty((rows, 0)))
+        self.x = arrays.get("x", np.empty((rows, 0)))
+        self.w = arrays.get("w")
+        self.y_left = np.empty((0, 0))
+        self.x_components = [int(i) for i in arrays.get("state", [])]
+        self.constraint_names = arrays.get("constraint_name", [])
+        self.state_names = arrays.get("state_name", [])
+        self._facts = facts
+        try:
+            self._summary = json.loads(facts.get("summary", "{}"))
+        except ValueError:
+            self._summary = {}
+        self.seconds = self._summary.get("seconds") or {"total": facts.get("seconds", math.nan)}
+        self.errors = self._summary.get("errors")
+        self.goal = self._summary.get("goal")
+
+    # Facts and their values where a file does not have them.
+    ABSENT = {
+        "status": "solved",
+        "reason": "",
+        "warning": "",
+        "method": "",
+        "backend": "",
+        "kernel": "",
+        "residual": math.nan,
+        "kernel_error": math.nan,
+        "error_estimate": None,
+        "boundary_residual": None,
+        "infeasible_at": None,
+        "continuous": True,
+        "starts_with_impulse": False,
+        "iterations": 0,
+    }
+
+    def __getattr__(self, name: str) -> Any:
+        if name in self.ABSENT:
+            value = self._facts.get(name, self.ABSENT[name])
+            return bool(value) if isinstance(self.ABSENT[name], bool) else value
+        if name == "steps":
+            return int(self._facts.get("steps", max(len(self.t) - 1, 0)))
+        if name in ("cycles", "bytes"):
+            return self._summary.get(name, 0)
+        if name == "history":
+            return []
+        raise AttributeError(name)
+
+    def y_integral(self) -> np.ndarray:
+        raise Error("y_integral: is not in the file; solve again, or integrate y", "y_integral")
+
+    def switches(self, with_errors: bool) -> list[Any]:
+        raise Error("switches: are not in the file; write them with bromwich solve --switches", "switches")
+
+    def at(self, times: list[float]) -> _Answer:
+        wanted = np.array(times)
+        if not self.continuous and not np.all(np.isin(wanted, self.t)):
+            raise Error("t: y may jump between the rows of the file; give times of rows", "t")
+        between = {"t": wanted}
+        for key in ("y", "x"):
+            values = getattr(self, key)
+            columns = [np.interp(wanted, self.t, column) for column in values.T]
+            between[key] = np.array(columns).T.reshape(len(wanted), values.shape[1])
+        for key, value in (("state", self.x_components), ("constraint_name", self.constraint_names)):
+            between[key] = np.array(value)
+        between["state_name"] = np.array(self.state_names)
+        return _Answer(between, self._facts)
+
+
+def _load_hdf5(name: str, grid: bool) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+    with h5py_for(name).File(name) as file:
+        facts = {key: value.item() if isinstance(value, np.generic) else value for key, value in file.attrs.items()}
+        if grid:
+            if "VTKHDF/Steps/Values" not in file:
+                return {}, facts
+            data, count = file["VTKHDF/PointData"], int(file["VTKHDF/Steps"].attrs["NSteps"])
+            arrays = {"t": file["VTKHDF/Steps/Values"][:count]}
+            arrays |= {key: _of_constraints(data[key][:count], facts) for key in ("y", "w") if key in data}
+            if "x" in data:
+                arrays["x"] = data["x"][:count].reshape(count, -1)
+                arrays["state"] = np.arange(arrays["x"].shape[1])
+            return arrays, facts
+        arrays = {key: file[key][()] for key in ("t", *ARRAYS, "constraint", "state") if key in file}
+        for key in ("constraint_name", "state_name"):
+            if key in file:
+                arrays[key] = file[key].asstr()[()].astype(str)
+        facts["_units"] = {key: file[key].attrs["units"] for key in ("t", *ARRAYS) if "units" in file.get(key, file).attrs}
+    # A flush that was cut off by the end of the process may have extended some of them.
+    rows = min([len(arrays[key]) for key in ("t", *ARRAYS) if key in arrays], default=0)
+    return {key: value[:rows] if key in ("t", *ARRAYS) else value for key, value in arrays.items()}, facts
+
+
+def _of_constraints(points: np.ndarray, facts: dict[str, Any]) -> np.ndarray:
+    """A value for each line of points, and with constraints on two sides one for its other end, after those of the first side."""
+    sides = 2 if facts.get("constraints") == 2 * points.shape[1] else 1
+    return np.concatenate([points[:, :, 0], points[:, :, -1]][:sides], axis=1)
+
+
+def _load_csv(name: str) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+    with open(name, encoding="utf-8") as file:
+        lines = file.read().splitlines()
+    header = lines[0].split(",") if lines else []
+    if header[:1] != ["t"]:
+        return {}, {}
+    facts: dict[str, Any] = {"status": "solved"}
+    rows = []
+    for line in lines[1:]:
+        if line.startswith("# ended"):
+            status, _, facts["reason"] = line.split(": ", 1)[1].partition(", ")
+            facts["status"] = status
+        elif not line.startswith("#"):
+            rows.append([float(word) for word in line.split(",")])
+    values = np.array(rows).reshape(len(rows), len(header))
+    arrays = {"t": values[:, 0].copy()}
+    facts["_columns"] = {word: values[:, i] for i, word in enumerate(header)}
+    numbered = {key: [i for i, word in enumerate(header) if word[:1] == key and word[1:].isdigit()] for key in "yx"}
+    for key, second in (("y", "constraint"), ("x", "state")):
+        if numbered[key]:
+            arrays[key] = values[:, numbered[key]]
+            arrays[second] = np.array([int(header[i][1:]) for i in numbered[key]])
+            arrays[f"{second}_name"] = np.array([header[i] for i in numbered[key]])
+    return arrays, facts
