@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """ranks.py BROMWICH MPIRUN [FLAG...]: the command on several ranks, held against one rank.
 
-Same y on 1, 2 and 3 ranks; one line for what does not go; the end of all ranks with one of them, and what --restart makes
+Same y on 1, 2 and 3 ranks, and from run to run; one line for what does not go; the end of all ranks with one of them, and what --restart makes
 of the rest. Standard library; files of HDF5 are looked into where h5py is installed.
 """
 
@@ -75,6 +75,9 @@ def same_solution(folder):
             assert len(other) == len(tables[0])
             worst = max(abs(a - b) for one, two in zip(tables[0], other) for a, b in zip(one, two))
             assert worst <= 1e-12 * size, f"{case}: {worst}"
+        again = folder / "again.csv"
+        assert on(3, *words_of(*case), "--out", str(again)).returncode == 0
+        assert again.read_bytes() == (folder / "3.csv").read_bytes(), f"{case}: another result in another run"
 
 
 def refusals():
