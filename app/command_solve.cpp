@@ -233,9 +233,6 @@ std::optional<PartsOptions> parts_options(const SolveArguments& a, const SceneCh
     throw Error("--checkpoint-every", "is given without --checkpoint", "add --checkpoint FILE.h5");
   if (a.checkpoint.empty() && a.restart.empty()) return std::nullopt;
   const std::string argument = a.checkpoint.empty() ? "--restart" : "--checkpoint";
-  if (ranks().size() > 1)
-    throw Error(argument, fmt::format("is given on {} ranks, whose clocks differ", ranks().size()),
-                "leave it out, or run one rank");
   for (const auto& [name, given] : {std::pair("--at", !a.at.empty()),
                                     {"--switches", !a.switches.empty()},
                                     {"--energies", a.energies},

@@ -81,7 +81,7 @@ void add_goal_options(CLI::App* command, GoalArguments& a) {
 
 void add_checkpoints(CLI::App* command, SolveArguments& a) {
   add_word(command, "--checkpoint", a.checkpoint, "FILE.h5",
-           "solve in parts of time, and write what a restart needs; methods march and euler");
+           "solve in parts of time, and write what a restart needs; methods march, euler, contour and multigrid");
   add_word(command, "--checkpoint-every", a.checkpoint_every, "S", "seconds between checkpoints; default 60");
   add_word(
       command, "--restart", a.restart, "FILE.h5",

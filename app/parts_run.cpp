@@ -1,5 +1,6 @@
 #include "app/parts_run.hpp"
 
+#include "app/ranks.hpp"
 #include "app/text.hpp"
 #include "core/base/error.hpp"
 #include "core/base/timer.hpp"
@@ -9,6 +10,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 
 namespace bromwich::app {
@@ -18,6 +20,8 @@ namespace {
 constexpr Index values_per_part = 1 << 22;  ///< 32 MiB of states and constraints: parts must not fill the memory
 constexpr Index fewest_steps = 16;          ///< of a part: shorter ones are mostly set-up
 constexpr Index first_steps = 64;           ///< of the first part, of which nobody knows how long it takes
+constexpr Index divided_steps = 256;        ///< of a rank in the first part of a method over all time points
+constexpr Index values_together = 1 << 25;  ///< 256 MiB in a part of such a method, whose steps share the work
 constexpr Index few_states = 64;            ///< recorded at all time points, as those at the end are needed
 constexpr double share_of_interval = 0.25;  ///< of the time between checkpoints that a part may take
 constexpr double long_enough = 0.5;         ///< seconds of a part that is not made longer: its set-up is small then
@@ -27,6 +31,9 @@ constexpr double same_y = 1e-6;
 
 /// Growth of perturbations over all parts at which rounding is no longer far below the usual tolerances.
 constexpr double much_growth = 1e6;
+
+/// Whether a method treats all time points of a part together. Ranks share them.
+bool together(Method method) { return method == Method::contour || method == Method::multigrid; }
 
 /// Where parts may end: not at a jump of f or g, whose value there would be one of two.
 class Boundaries {
@@ -89,6 +96,8 @@ class PartSolver {
   }
 
   const Scene& part() const { return part_; }
+  /// States of a part that are recorded.
+  Index recorded() const { return Index(recorded_components(scene_, options_).size()); }
 
  private:
   /// Parts of equally many steps differ in length by rounding.
@@ -150,8 +159,7 @@ class PartsRun {
         boundaries_(scene, options.steps),
         solver_(scene, backend, of_part(scene, options, out)),
         backend_(backend) {
-    most_steps_ = std::max(fewest_steps, values_per_part / (scene.states() + 2 * scene.constraints()));
-    next_steps_ = std::min(first_steps, most_steps_);
+    choose_lengths();
     state_ = {parts.run, parts.scene, 0, options.steps, 0, scene.x0, {}, {}};
     if (parts.from) state_ = *parts.from;
     for (const auto& [name, fact] : state_.totals) {
@@ -177,7 +185,7 @@ class PartsRun {
   static Options of_part(const Scene& scene, const Options& options, const ResultOutput* out) {
     Options changed = options;
     changed.trace = out && out->with_slack();
-    if (options.method == Method::march && scene.states() > few_states) return changed;
+    if (options.method != Method::euler && scene.states() > few_states) return changed;
     changed.states = StateSelection::all;
     changed.components.clear();
     return changed;
@@ -198,8 +206,28 @@ class PartsRun {
     return part.x.row(steps).transpose();
   }
 
+  /// Parts of a method over all time points are worth dividing among the ranks, and halve often.
+  void choose_lengths() {
+    const Index n = scene_.constraints(), recorded = Index(solver_.recorded());
+    if (!together(options_.method)) {
+      most_steps_ = std::max(fewest_steps, values_per_part / (scene_.states() + 2 * n));
+      next_steps_ = std::min(first_steps, most_steps_);
+      return;
+    }
+    next_steps_ = Index(std::bit_ceil(std::size_t(divided_steps * ranks().size())));
+    most_steps_ = std::max(next_steps_,
+                           Index(std::bit_floor(std::size_t(values_together / std::max<Index>(1, recorded + 2 * n)))));
+    shortest_ = next_steps_ / 2;
+  }
+
+  /// The last part takes a rest with it that would be too short.
+  Index end_of_part(Index begin) const {
+    const Index end = boundaries_.from(begin + next_steps_);
+    return options_.steps - end < shortest_ ? options_.steps : end;
+  }
+
   void advance() {
-    const Index begin = state_.row, end = boundaries_.from(begin + next_steps_), steps = end - begin;
+    const Index begin = state_.row, end = end_of_part(begin), steps = end - begin;
     const double t = boundaries_.time(begin);
     Result part = solver_.solve(t, boundaries_.time(end) - t, steps, state_.x);
     const Index valid = valid_steps(part);
@@ -230,7 +258,8 @@ class PartsRun {
       state_.t = boundaries_.time(end);
       state_.y = part.y.row(steps).transpose();
     }
-    const double seconds = clock_.lap();
+    double seconds = clock_.lap();
+    ranks().broadcast(&seconds, 1, 0);  // clocks differ
     since_save_ += seconds;
     choose_steps(seconds, steps);
     if (parts_.checkpoint && part.status == Status::solved && since_save_ >= parts_.seconds) save();
@@ -241,7 +270,8 @@ class PartsRun {
   void refuse_memory_of_steps(const Result& part) const {
     if (options_.method == Method::euler || part.continuous) return;
     throw Error(parts_.checkpoint ? "--checkpoint" : "--restart",
-                "M leaves y to the dynamics, where a step of method march depends on those before it",
+                fmt::format("M leaves y to the dynamics, where a step of method {} depends on those before it",
+                            to_string(options_.method)),
                 "use --method euler, or run it without checkpoints");
   }
 
@@ -274,7 +304,8 @@ class PartsRun {
   }
 
   void choose_steps(double seconds, Index steps) {
-    const double enough = std::min(long_enough, share_of_interval * parts_.seconds);
+    const double share = share_of_interval * parts_.seconds,
+                 enough = together(options_.method) ? share : std::min(long_enough, share);
     if (steps == next_steps_ && seconds < enough / 2) next_steps_ = std::min(2 * next_steps_, most_steps_);
   }
 
@@ -284,7 +315,7 @@ class PartsRun {
                      {"kernel_error", total_.kernel_error},
                      {"iterations", double(total_.iterations)},
                      {"seconds", total_.seconds.total}};
-    write_checkpoint({"--checkpoint", parts_.checkpoint->target()}, state_);
+    if (first_rank()) write_checkpoint({"--checkpoint", parts_.checkpoint->target()}, state_);
     saved_row_ = state_.row;
     since_save_ = 0;
   }
@@ -297,7 +328,7 @@ class PartsRun {
   Boundaries boundaries_;
   PartSolver solver_;
   Backend& backend_;
-  Index most_steps_, next_steps_, start_ = 0, saved_row_ = -1;
+  Index most_steps_ = 0, next_steps_ = 0, shortest_ = 0, start_ = 0, saved_row_ = -1;
   Checkpoint state_;
   Result total_;
   Timer clock_;
@@ -313,10 +344,12 @@ void prepare_parts(const std::string& argument, const Scene& scene, Options& opt
   if (controls_error(options))
     refuse("a tolerance looks at the whole run and solves it on several grids", "give --steps instead of --tol");
   if (scene.boundary) refuse("a scene with boundary values is no run from the start to the end", "leave it out");
-  if (options.method == Method::automatic) options.method = Method::march;
-  if (options.method != Method::march && options.method != Method::euler)
-    refuse(fmt::format("method {} treats all time points together", to_string(options.method)),
-           "use --method march or euler");
+  if (options.method == Method::automatic && ranks().size() == 1) options.method = Method::march;
+  const std::initializer_list<Method> in_parts{Method::march, Method::euler, Method::contour, Method::multigrid};
+  if (std::find(in_parts.begin(), in_parts.end(), options.method) == in_parts.end())
+    refuse(
+        fmt::format("method {} is no run from the start to the end", to_string(options.method)),
+        ranks().size() == 1 ? "use --method march, euler, contour or multigrid" : "use --method contour or multigrid");
   if (options.steps == 0) options.steps = scene.default_steps;
 }
 

@@ -2,8 +2,9 @@
 // Long runs in parts of time. Each part is solved from the state at the end of the one before; the state at its end,
 // from time to time written as a checkpoint, is all that a restart needs.
 //
-// Time stepping is a map from x(t_j) to x(t_{j+1}), so parts give the result of one run, to rounding. The functional
-// iteration and multigrid treat all time points together, and a tolerance looks at the whole run: those are refused.
+// The discretisation is a map from x(t_j) to x(t_{j+1}), so parts give the result of one run, to rounding. The
+// functional iteration and multigrid treat all time points of a part together, which ranks share: all ranks take the
+// same parts, and the first one writes. A tolerance looks at the whole run and is refused.
 
 #include "app/result_output.hpp"
 #include "app/scene_choice.hpp"

@@ -153,6 +153,7 @@ void ResultOutput::begin(const std::vector<Index>& states, Index rows, Facts fac
 
 void ResultOutput::resume(const std::vector<Index>& states, Index rows, const std::string& run) {
   states_ = states;
+  if (!first_rank()) return;
   const FileTarget target{argument_, file_.target()};
   growing_ = format_ == ResultFormat::hdf5 ? continue_hdf5(target, columns(states), rows, run)
                                            : continue_vtkhdf(target, grid(), columns(states), rows, run);

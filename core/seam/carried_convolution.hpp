@@ -6,7 +6,8 @@
 
 namespace bromwich {
 
-/// What a Convolution by a modal recurrence is derived from too, if its state can begin with given values.
+/// What a Convolution by a modal recurrence is derived from too, if its state can begin with given values. Then
+/// apply(y, v, first) keeps what was added to rows of v before `first` in the modes that leave z out.
 class CarriedConvolution {
  public:
   virtual ~CarriedConvolution() = default;

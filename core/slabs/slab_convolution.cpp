@@ -33,9 +33,10 @@ class SlabConvolution final : public Convolution {
   static constexpr bool modal = std::is_same_v<State, ModalState>;
 
   SlabConvolution(const RankedBackend& ranked, const Weights& weights, const Slabs& slabs)
-      : ranked_(ranked), slabs_(slabs), state_(weights) {
+      : ranked_(ranked), slabs_(slabs), state_(weights), added_to_(slabs.rows()) {
     const Weights local = of_rank(weights, ranked.first());
     plan_ = ranked.local.convolution(WeightsRef(&local), slabs.rows());
+    if constexpr (modal) carried_ = dynamic_cast<CarriedConvolution*>(plan_.get());
     const int ranks = ranked.communicator.size();
     Index shortest = slabs.steps;
     for (int r = 1; r + 1 < ranks; ++r) shortest = std::min(shortest, slabs.count(r));
@@ -44,15 +45,19 @@ class SlabConvolution final : public Convolution {
   }
 
   void apply(const Array& y, Array& v, Index first) override {
-    const bool idle = slabs_.here(first) >= slabs_.rows();  // all rows are those of the call before
+    const Index here = slabs_.here(first);  // rows before it are those of the call before
+    const bool idle = here >= slabs_.rows();
     HostRows rows(ranked_.local, local_part(y));
     Vector z = exchange(y, rows, idle);
     if (idle) return;
+    // z is that of the call before too. Where later rows have nothing of it, the plan goes on alone.
+    if (carried_ && here > slabs_.own() && here > added_to_) return plan_->apply(local_part(y), local_part(v), here);
     begin_with(z);
     plan_->apply(local_part(y), local_part(v), 0);
+    added_to_ = 0;
     if (z.isZero(0)) return;
     HostRows out(ranked_.local, local_part(v));
-    state_.add(z, slabs_.rows() - 1, ranked_.local, out);
+    added_to_ = state_.add(z, slabs_.rows() - 1, ranked_.local, out);
     out.put();
   }
 
@@ -98,9 +103,8 @@ class SlabConvolution final : public Convolution {
 
   // What the plan takes of z needs no addition to v.
   void begin_with(Vector& z) {
-    auto* carried = modal ? dynamic_cast<CarriedConvolution*>(plan_.get()) : nullptr;
-    if (!carried) return;
-    const std::vector<bool>& taken = carried->begin_with(z);
+    if (!carried_) return;
+    const std::vector<bool>& taken = carried_->begin_with(z);
     const Index n = Index(taken.size());
     for (Index i = 0; i < z.size(); ++i)
       if (taken[std::size_t(i % n)]) z[i] = 0;
@@ -125,9 +129,11 @@ class SlabConvolution final : public Convolution {
   RankedBackend ranked_;
   Slabs slabs_;
   State state_;
+  Index added_to_;  ///< the last row that step 5 has changed
   std::unique_ptr<Convolution> plan_;
-  std::vector<Index> lasting_;  ///< values of the state that go to all ranks
-  Vector message_;              ///< the state at the end of the slab, and the last row of y
+  CarriedConvolution* carried_ = nullptr;  ///< the plan, if its state can begin with values
+  std::vector<Index> lasting_;             ///< values of the state that go to all ranks
+  Vector message_;                         ///< the state at the end of the slab, and the last row of y
 };
 
 }  // namespace

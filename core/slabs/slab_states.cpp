@@ -4,6 +4,7 @@
 #include "core/base/simd.hpp"
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <cstring>
 
@@ -149,13 +150,16 @@ void ModalState::advance(HostRows& y, Index rows, const HostThreads& threads, Ve
   });
 }
 
-void ModalState::add(const Vector& z, Index rows, const HostThreads& threads, HostRows& v) const {
+Index ModalState::add(const Vector& z, Index rows, const HostThreads& threads, HostRows& v) const {
+  std::atomic<Index> last = 0;
   Vector seen = z;  // C z
   Eigen::Map<RowMatrix>(seen.data(), K_, n_).array() *= output_.array();
   in_bunches(n_, threads, [&](const Bunch& bunch) {
     const Index known = remembered(slowest_.segment(bunch.begin, bunch.count).maxCoeff(), rows);
     std::vector<Bank> banks = bunch.banks(decay_, seen.data());
     if (std::all_of(banks.begin(), banks.end(), [](const Bank& bank) { return bank.nothing(); })) return;
+    for (Index before = last; before < known && !last.compare_exchange_weak(before, known);) {
+    }
     Tile out;
     for (Index j = 1; j <= known; j += tile) {
       const Index length = std::min(tile, known + 1 - j);
@@ -164,6 +168,7 @@ void ModalState::add(const Vector& z, Index rows, const HostThreads& threads, Ho
       bunch.write(out, j, length, v);
     }
   });
+  return last;
 }
 
 std::vector<Index> ModalState::lasting(Index steps) const {
@@ -197,13 +202,15 @@ void DenseState::advance(HostRows& y, Index rows, const HostThreads&, Vector& z)
   }
 }
 
-void DenseState::add(const Vector& carried, Index rows, const HostThreads&, HostRows& v) const {
+Index DenseState::add(const Vector& carried, Index rows, const HostThreads&, HostRows& v) const {
   Vector z = carried, fresh(z.size());
-  for (Index j = 1; j <= std::min(memory_, rows); ++j) {
+  const Index last = std::min(memory_, rows);
+  for (Index j = 1; j <= last; ++j) {
     Eigen::Map<Vector>(v.row(j), r_.output.rows()).noalias() += r_.output * z;
     fresh.noalias() = r_.decay * z;
     z.swap(fresh);
   }
+  return last;
 }
 
 std::vector<Index> DenseState::lasting(Index steps) const {

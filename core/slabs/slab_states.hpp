@@ -25,8 +25,8 @@ class ModalState {
   void start_from(const RowMatrix& D);
   /// z <- the state after rows 1 .. rows of y.
   void advance(HostRows& y, Index rows, const HostThreads&, Vector& z) const;
-  /// v_j += C E^{j-1} z for rows 1 .. rows.
-  void add(const Vector& z, Index rows, const HostThreads&, HostRows& v) const;
+  /// v_j += C E^{j-1} z for rows 1 .. rows. Returns the last row that was changed; 0: none.
+  Index add(const Vector& z, Index rows, const HostThreads&, HostRows& v) const;
   /// Values of a state that outlive `steps` steps.
   std::vector<Index> lasting(Index steps) const;
   /// values <- E^steps values, for those values of a state.
@@ -46,7 +46,7 @@ class DenseState {
   Index size() const { return r_.decay.rows(); }
   Vector start(const double* y0) const;
   void advance(HostRows& y, Index rows, const HostThreads&, Vector& z) const;
-  void add(const Vector& z, Index rows, const HostThreads&, HostRows& v) const;
+  Index add(const Vector& z, Index rows, const HostThreads&, HostRows& v) const;
   std::vector<Index> lasting(Index steps) const;
   void carry(const std::vector<Index>& which, Index steps, Vector& values) const;
 

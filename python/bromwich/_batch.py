@@ -13,6 +13,7 @@ from ._arrays import of_other_library, on_host
 from ._derivative import BatchDerivative
 from ._errors import Error, Interrupted, NotSolved, NotSolvedWarning
 from ._progress import reporting
+from ._ranks import DealtAnswer, Ranks, ranks_of
 from ._result import Status
 from ._scene import Scene
 from ._solve import Check, Progress, _options
@@ -39,7 +40,7 @@ class BatchResult:
         backend, seconds: as in :class:`Result`.
     """
 
-    def __init__(self, answer: _core.BatchAnswer) -> None:
+    def __init__(self, answer: _core.BatchAnswer | DealtAnswer) -> None:
         self._answer = answer
         self.status = [Status(word) for word in answer.status]
         self.reason: list[str] = answer.reason
@@ -71,6 +72,8 @@ class BatchResult:
             located: with located switches; None: where M is not of class P.
             threads: for ``jvp`` and ``vjp``; 0: all.
         """
+        if isinstance(self._answer, DealtAnswer):
+            raise Error("derivative: is asked of scenes on several ranks; solve the scenes of each rank without ranks", "ranks")
         return BatchDerivative(self._answer, located, threads)
 
     def __len__(self) -> int:
@@ -86,6 +89,7 @@ def solve_batch(
     *,
     backend: str = "auto",
     threads: int = 0,
+    ranks: Any = None,
     progress: Progress | bool | None = None,
     stop: Callable[[], bool] | None = None,
     check: Check = "warn",
@@ -118,6 +122,8 @@ def solve_batch(
             the grid without. Needed with ``tol``, where grids differ from scene to scene.
         backend, threads, progress, stop, method, steps, tol, states, iteration_tol, max_iterations, memory_limit: as
             :func:`solve` takes them. ``progress`` counts scenes.
+        ranks: a communicator of mpi4py, whose ranks call ``solve_batch`` together with the same arguments: scene k goes to
+            rank k modulo their number, and all get the whole result.
         check: what happens where a status is not ``solved``, as in :func:`solve`; there is one warning for all.
 
     Returns:
@@ -134,6 +140,7 @@ def solve_batch(
         >>> r.y.shape, r.status[0]
         ((3, 401, 1), <Status.solved: 'solved'>)
     """
+    shared = ranks_of(ranks, stop)
     models, count, axes, x0, f, g, first = _batch(scenes, steps, arguments)
     options = _options(
         first,
@@ -145,9 +152,16 @@ def solve_batch(
         max_iterations=max_iterations,
         memory_limit=memory_limit,
     )
-    with reporting(progress, options.iteration_tolerance) as report:
-        rows = [] if times is None else np.ravel(np.asarray(times, dtype=float)).tolist()
-        answer = _core.solve_batch(models, count, axes, x0, f, g, rows, options, backend, int(threads), report, stop)
+    rows = [] if times is None else np.ravel(np.asarray(times, dtype=float)).tolist()
+    data = (models, count, axes, x0, f, g) if shared is None else _share(shared, models, count, axes, x0, f, g)
+    threads = int(threads) if shared is None else shared.threads(int(threads))
+    first_rank = shared is None or shared.rank == 0
+
+    def own() -> _core.BatchAnswer:
+        with reporting(progress if first_rank else None, options.iteration_tolerance) as report:
+            return _core.solve_batch(*data, rows, options, backend, threads, report, stop)
+
+    answer = own() if shared is None else DealtAnswer(shared.together(own), count or len(models), shared)
     result = BatchResult(answer)
     if answer.by_keyboard:
         raise Interrupted("stopped on request", result)
@@ -157,9 +171,27 @@ def solve_batch(
         message = f"{failed} of {count or len(models)} scenes are not solved; scene {k}: {result.status[k]}: {result.reason[k]}"
         if check is True:
             raise NotSolved(message, result)
-        if check and not (stop is not None and result.status[-1] is Status.interrupted):
+        if check and first_rank and not (stop is not None and result.status[-1] is Status.interrupted):
             warnings.warn(message, NotSolvedWarning, stacklevel=2)
     return result
+
+
+def _share(ranks: Ranks, models: list, count: int, axes: dict, x0: Any, f: list, g: list) -> tuple:
+    """Of one rank: every scene k with k % size = rank."""
+    scenes = count or len(models)
+    if scenes < ranks.size:
+        raise Error(f"ranks: found {ranks.size} for {scenes} scenes; use fewer ranks", "ranks")
+    if any(one != scenes for one in ranks.comm.allgather(scenes)):
+        raise Error("ranks: have different numbers of scenes; give all ranks the same", "ranks")
+    mine = slice(ranks.rank, None, ranks.size)
+    return (
+        models if count else models[mine],
+        len(range(scenes)[mine]) if count else 0,
+        {name: np.ascontiguousarray(values[mine]) for name, values in axes.items()},
+        None if x0 is None else np.ascontiguousarray(x0[mine]),
+        f[mine],
+        g[mine],
+    )
 
 
 def _batch(scenes: Any, steps: int | None, arguments: dict[str, Any]) -> tuple:

@@ -12,6 +12,7 @@ from . import _core
 from ._arrays import filled, number, whole_number
 from ._errors import Error, Interrupted, NotSolved, NotSolvedWarning
 from ._progress import reporting
+from ._ranks import Ranks, ranks_of
 from ._result import Result, Status
 from ._scene import Scene
 from ._sources import on_this_host
@@ -35,6 +36,7 @@ def solve(
     *,
     backend: str = "auto",
     threads: int = 0,
+    ranks: Any = None,
     progress: Progress | bool | None = None,
     stop: Callable[[], bool] | None = None,
     check: Check = "warn",
@@ -60,7 +62,9 @@ def solve(
     Args:
         scene: a :class:`Scene`; or none, and A, B, N, M, x0, T, f, g, E, ... by name as :class:`Scene` takes them.
         backend: ``"cpu"``, ``"cuda"``, or ``"auto"``: a CUDA device where it is predicted to be faster.
-        threads: of the host; 0: all cores.
+        threads: of the host; 0: all cores, and with ``ranks`` a rank's share of them.
+        ranks: a communicator of mpi4py, whose ranks call ``solve`` together with the same scene and options: each computes
+            a slab of the time points, and all get the whole result. For methods ``"multigrid"`` and ``"contour"``.
         progress: True: after a second, one line with what is done and an estimate of the time left, on a terminal or
             in a notebook. Or a function, called as ``progress(done, total, change)`` now and then: steps done and all
             steps, or sweeps done, 0 and the change of the last sweep.
@@ -100,6 +104,7 @@ def solve(
     """
     _known(arguments)
     judgement(check, progress, stop)
+    shared = ranks_of(ranks, stop)
     scene = stated(scene, steps, arguments)
     if steps is tol is tol_x is tol_y is None:
         tol = scene._facts.get("tolerance")  # of a file
@@ -119,9 +124,19 @@ def solve(
         memory_limit=memory_limit,
         event_location=event_location,
     )
-    with reporting(progress, options.iteration_tolerance) as report:
-        answer = _core.solve(scene._model, options, backend, int(threads), report, stop)
-    return _checked(answer, scene, check, stop)
+    threads, wrapped = _of_rank(shared, int(threads))
+    with reporting(progress if _speaks(shared) else None, options.iteration_tolerance) as report:
+        answer = _core.solve(scene._model, options, backend, threads, report, stop, wrapped)
+    return _checked(answer, scene, check if _speaks(shared) or check is True else False, stop)
+
+
+def _of_rank(ranks: Ranks | None, threads: int) -> tuple[int, _core.Ranks | None]:
+    return (threads, None) if ranks is None else (ranks.threads(threads), _core.Ranks(ranks))
+
+
+def _speaks(ranks: Ranks | None) -> bool:
+    """The first rank warns and shows progress for all."""
+    return ranks is None or ranks.rank == 0
 
 
 class Solver:
@@ -132,7 +147,7 @@ class Solver:
 
     Args:
         scene: a :class:`Scene`.
-        backend, threads, and options: as :func:`solve` takes them; ``progress``, ``stop`` and ``check`` belong to each
+        backend, threads, ranks, and options: as :func:`solve` takes them; ``progress``, ``stop`` and ``check`` belong to each
             solve.
 
     Example:
@@ -142,7 +157,9 @@ class Solver:
         >>> second = solver.solve()
     """
 
-    def __init__(self, scene: Scene, *, backend: str = "auto", threads: int = 0, **options: Any) -> None:
+    def __init__(
+        self, scene: Scene, *, backend: str = "auto", threads: int = 0, ranks: Any = None, **options: Any
+    ) -> None:
         if not isinstance(scene, Scene):
             raise Error(f"scene: is a {type(scene).__name__}; give a bromwich.Scene", "scene")
         for name in options:
@@ -151,7 +168,9 @@ class Solver:
         self._scene = scene
         made = _options(scene, **options)
         self._iteration_tolerance = made.iteration_tolerance
-        self._prepared = _core.Prepared(scene._model, made, backend, int(threads))
+        self._ranks = ranks_of(ranks, None)
+        threads, wrapped = _of_rank(self._ranks, int(threads))
+        self._prepared = _core.Prepared(scene._model, made, backend, threads, wrapped)
 
     @property
     def scene(self) -> Scene:
@@ -177,11 +196,13 @@ class Solver:
     def solve(
         self, *, progress: Progress | bool | None = None, stop: Callable[[], bool] | None = None, check: Check = "warn"
     ) -> Result:
-        """As :func:`bromwich.solve`, with the scene as it is now."""
+        """As :func:`bromwich.solve`, with the scene as it is now; on ranks all of them call it."""
         judgement(check, progress, stop)
-        with reporting(progress, self._iteration_tolerance) as report:
+        if self._ranks is not None:
+            ranks_of(self._ranks.comm, stop)
+        with reporting(progress if _speaks(self._ranks) else None, self._iteration_tolerance) as report:
             answer = self._prepared.solve(report, stop)
-        return _checked(answer, self._scene, check, stop)
+        return _checked(answer, self._scene, check if _speaks(self._ranks) or check is True else False, stop)
 
 
 def _known(arguments: dict[str, Any]) -> None:

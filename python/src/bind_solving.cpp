@@ -6,6 +6,7 @@
 #include "core/base/error.hpp"
 #include "core/result/time_left.hpp"
 #include "core/solve/solver.hpp"
+#include "ranks.hpp"
 #include "sources.hpp"
 
 #include <bromwich/bromwich.hpp>
@@ -34,16 +35,26 @@ Options with_goal(Options options, const Model& model) {
   return options;
 }
 
+/// Ranks stop together or not at all: they are asked for nothing that one of them could answer otherwise.
+std::shared_ptr<Machine> machine_of(const std::shared_ptr<PythonRanks>& ranks, const std::string& backend,
+                                    const Scene& scene, const Options& options, int threads, bool own = false) {
+  if (!ranks) return machine_for(backend, scene, options, threads, own);
+  check_same(*ranks, scene, options);
+  return machine_on_ranks(ranks, backend, threads);
+}
+
 std::shared_ptr<Answer> solve_once(std::shared_ptr<const Model> model, const Options& given, const std::string& backend,
-                                   int threads, nb::object progress, nb::object stop) {
+                                   int threads, nb::object progress, nb::object stop,
+                                   std::shared_ptr<PythonRanks> ranks) {
   Calls calls(std::move(progress), std::move(stop));
   return unlocked(calls, [&] {
     for (const auto& forget : model->forget) forget();
     Options options = with_goal(given, *model);
-    const auto machine = machine_for(backend, model->scene, options, threads);
-    auto answer = std::make_shared<Answer>(Answer{model, machine, options, {}, false, {}});
+    const auto machine = machine_of(ranks, backend, model->scene, options, threads);
+    auto answer = std::make_shared<Answer>(
+        Answer{model, machine_of_result(machine, model->scene, options, threads), options, {}, false, {}});
     options.progress = [&](const Progress& p) { calls.progress(p); };
-    options.interrupted = [&] { return calls.interrupted(); };
+    if (!ranks) options.interrupted = [&] { return calls.interrupted(); };
     const std::lock_guard lock(machine->busy);
     answer->result = solve(model->scene, *machine->backend, options);
     return answer;
@@ -53,10 +64,12 @@ std::shared_ptr<Answer> solve_once(std::shared_ptr<const Model> model, const Opt
 /// A Solver, its backend, and the scene as results see it.
 class Prepared {
  public:
-  Prepared(std::shared_ptr<const Model> model, const Options& given, const std::string& backend, int threads)
+  Prepared(std::shared_ptr<const Model> model, const Options& given, const std::string& backend, int threads,
+           const std::shared_ptr<PythonRanks>& ranks)
       : seen_(std::move(model)),
         options_(with_goal(given, *seen_)),
-        machine_(machine_for(backend, seen_->scene, options_, threads, true)),
+        threads_(threads),
+        machine_(machine_of(ranks, backend, seen_->scene, options_, threads, true)),
         solver_(seen_->scene, *machine_->backend, listened(options_)) {}
 
   void set_x0(const Array1& x0) {
@@ -86,7 +99,9 @@ class Prepared {
       const std::lock_guard lock(mutex_);
       const std::lock_guard other(machine_->busy);
       if (!seen_) seen_ = changed();
-      auto answer = std::make_shared<Answer>(Answer{seen_, machine_, options_, {}, false, {}});
+      if (machine_->ranks) check_same(*machine_->ranks, seen_->scene, options_);
+      auto answer = std::make_shared<Answer>(
+          Answer{seen_, machine_of_result(machine_, seen_->scene, options_, threads_), options_, {}, false, {}});
       calls_ = &calls;
       const struct Forget {
         Calls*& calls;
@@ -108,13 +123,14 @@ class Prepared {
     options.progress = [this](const Progress& p) {
       if (calls_) calls_->progress(p);
     };
-    options.interrupted = [this] { return calls_ && calls_->interrupted(); };
+    if (!machine_->ranks) options.interrupted = [this] { return calls_ && calls_->interrupted(); };
     return options;
   }
 
   std::shared_ptr<const Model> seen_;
   Model changes_;  ///< its sources, and what is another one than at first
   Options options_;
+  int threads_;
   std::shared_ptr<Machine> machine_;
   Calls* calls_ = nullptr;  ///< of the solve that runs
   Solver solver_;
@@ -159,10 +175,11 @@ void bind_solving(nb::module_& m) {
           },
           nb::arg("done"), nb::arg("total"), nb::arg("change"), nb::arg("seconds"));
   m.def("solve", &solve_once, nb::arg("model"), nb::arg("options"), nb::arg("backend"), nb::arg("threads"),
-        nb::arg("progress").none(), nb::arg("stop").none());
+        nb::arg("progress").none(), nb::arg("stop").none(), nb::arg("ranks").none());
   nb::class_<Prepared>(m, "Prepared")
-      .def(nb::init<std::shared_ptr<const Model>, const Options&, const std::string&, int>(), nb::arg("model"),
-           nb::arg("options"), nb::arg("backend"), nb::arg("threads"))
+      .def(nb::init<std::shared_ptr<const Model>, const Options&, const std::string&, int,
+                    const std::shared_ptr<PythonRanks>&>(),
+           nb::arg("model"), nb::arg("options"), nb::arg("backend"), nb::arg("threads"), nb::arg("ranks").none())
       .def("set_x0", &Prepared::set_x0, nb::arg("x0"))
       .def("set_sources", &Prepared::set_sources, nb::arg("f").none(), nb::arg("g").none(), nb::arg("breakpoints"))
       .def("solve", &Prepared::solve, nb::arg("progress").none(), nb::arg("stop").none());

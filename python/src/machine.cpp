@@ -2,6 +2,7 @@
 
 #include "app/backend_choice.hpp"
 #include "core/base/error.hpp"
+#include "core/slabs/slab_backend.hpp"
 #include "core/solve/cost.hpp"
 #include "core/solve/method_choice.hpp"
 #include "cpu/cpu_backend.hpp"
@@ -70,6 +71,19 @@ std::shared_ptr<Machine> machine_for(const std::string& word, const Scene& scene
   auto made = std::make_shared<Machine>(app::choose_backend(word, scene, options, components, threads, started));
   if (made->backend->name() == "cuda") kept.cuda = {made, threads};
   return made;
+}
+
+std::shared_ptr<Machine> machine_on_ranks(std::shared_ptr<Communicator> ranks, const std::string& word, int threads) {
+  if (word != "auto" && word != "cpu")
+    throw Error("backend", "found '" + word + "' on " + std::to_string(ranks->size()) + " ranks",
+                "use cpu: devices do not share the time points of a scene");
+  auto divided = make_slab_backend(make_cpu_backend(threads), *ranks);
+  return std::make_shared<Machine>(std::move(divided), std::move(ranks));
+}
+
+std::shared_ptr<Machine> machine_of_result(const std::shared_ptr<Machine>& machine, const Scene& scene,
+                                           const Options& options, int threads) {
+  return machine->ranks ? machine_for("cpu", scene, options, threads) : machine;
 }
 
 }  // namespace bromwich::python

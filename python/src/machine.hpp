@@ -1,6 +1,7 @@
 #pragma once
 // The backend that a solve runs on, from words.
 
+#include "core/seam/communicator.hpp"
 #include "core/solve/solve.hpp"
 
 #include <memory>
@@ -11,8 +12,10 @@ namespace bromwich::python {
 
 /// A backend, used by one solve at a time.
 struct Machine {
-  explicit Machine(std::unique_ptr<Backend> made) : backend(std::move(made)) {}
+  explicit Machine(std::unique_ptr<Backend> made, std::shared_ptr<Communicator> shared = {})
+      : ranks(std::move(shared)), backend(std::move(made)) {}
 
+  const std::shared_ptr<Communicator> ranks;  ///< that divide the time points of the backend; null: it has them all
   std::unique_ptr<Backend> backend;
   std::mutex busy;
 };
@@ -22,5 +25,11 @@ struct Machine {
 /// for one that nobody else has.
 std::shared_ptr<Machine> machine_for(const std::string& word, const Scene&, const Options&, int threads,
                                      bool own = false);
+
+/// The time points of a processor divided among ranks. Throws Error, naming `backend`, for words that want a device.
+std::shared_ptr<Machine> machine_on_ranks(std::shared_ptr<Communicator>, const std::string& word, int threads);
+
+/// For what is asked of a result later, by any rank alone.
+std::shared_ptr<Machine> machine_of_result(const std::shared_ptr<Machine>&, const Scene&, const Options&, int threads);
 
 }  // namespace bromwich::python

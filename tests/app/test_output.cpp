@@ -171,6 +171,21 @@ TEST_F(CliOutput, PartsAreOneRun) {
   EXPECT_TRUE(contains(refused(options + "again.h5 --restart c.h5").err, "reached its end"));
 }
 
+// Sweeps end at a change of 1e-12; the parts have 256 steps and more.
+TEST_F(CliOutput, PartsOfMethodsOverAllTimePointsAreOneRun) {
+  for (const std::string method : {"contour", "multigrid"}) {
+    const std::string options =
+        "solve signorini --set Q=15 --steps 1500 --states 0,24,48 --method " + method + " --out ";
+    ASSERT_EQ(run(options + "whole.h5").exit_code, 0);
+    const Outcome in_parts = run(options + "parts.h5 --checkpoint c.h5 --checkpoint-every 0.001");
+    ASSERT_EQ(in_parts.exit_code, 0) << in_parts.err;
+    const Hdf5Reading whole(folder_ / "whole.h5"), parts(folder_ / "parts.h5");
+    EXPECT_EQ(whole.rows("t"), parts.rows("t"));
+    for (const std::string name : {"y", "w", "x"})
+      EXPECT_LE(distance(whole.rows(name), parts.rows(name)), same) << method << ", " << name;
+  }
+}
+
 TEST_F(CliOutput, AKilledRunIsReadAndContinued) {
   const std::string options = heat + "--steps 60000 --states 0 --method march ";
   ASSERT_EQ(run(options + "--out whole.h5").exit_code, 0);
@@ -234,7 +249,7 @@ TEST_F(CliOutput, WhatCannotBeContinuedIsRefused) {
   ASSERT_EQ(run(heat + "--steps 200 --checkpoint c.h5").exit_code, 0);
   const std::vector<BadInput> cases{
       {heat + "--tol 1e-3 --checkpoint d.h5", {"--checkpoint", "tolerance", "--steps"}},
-      {heat + "--method contour --checkpoint d.h5", {"--checkpoint", "contour", "march"}},
+      {heat + "--method dual --checkpoint d.h5", {"--checkpoint", "dual", "march"}},
       {heat + "--checkpoint d.h5 --out y.csv", {"--out", "y.csv", ".h5"}},
       {heat + "--checkpoint d.h5 --out y.npz", {"--out", "y.npz", ".h5"}},
       {heat + "--checkpoint d.h5 --out d.h5", {"--checkpoint", "d.h5", "--out"}},

@@ -6,6 +6,7 @@
 #include "core/kernel/compression.hpp"
 #include "core/kernel/discretise.hpp"
 #include "core/kernel/operators.hpp"
+#include "core/kernel/pole_fit.hpp"
 #include "core/slabs/slab_array.hpp"
 #include "core/slabs/slab_convolution.hpp"
 #include "core/slabs/slab_plans.hpp"
@@ -18,8 +19,10 @@
 #include "tests/support/thread_ranks.hpp"
 
 #include <gtest/gtest.h>
+#include <Eigen/SparseLU>
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 
 namespace bromwich {
@@ -68,6 +71,13 @@ ModalRecurrence some_modes(Index K, Index n) {
   return r;
 }
 
+// Modes that forget within a slab: rows behind a first one go on without what other ranks have left.
+ModalRecurrence short_modes(Index K, Index n) {
+  ModalRecurrence r = some_modes(K, n);
+  r.decay *= 0.4;
+  return r;
+}
+
 DenseRecurrence some_state(Index m, Index n) {
   Random random{18};
   DenseRecurrence r;
@@ -99,8 +109,9 @@ constexpr double same_sum = 1e-12;
 TEST(SlabConvolution, IsThatOfOneRank) {
   const Index J = 500, n = 11;
   const RowMatrix y = Random(19).matrix(J + 1, n);
-  for (const Recurrence& recurrence : {Recurrence(some_modes(5, n)), Recurrence(some_state(4, n))})
-    for (const Index first : {0, 260}) {
+  for (const Recurrence& recurrence :
+       {Recurrence(some_modes(5, n)), Recurrence(short_modes(5, n)), Recurrence(some_state(4, n))})
+    for (const Index first : {0, 60, 260, 440}) {
       RowMatrix later = y;
       later.bottomRows(J + 1 - first) = Random(20).matrix(J + 1 - first, n);
       const auto cpu = make_cpu_backend(1);
@@ -172,8 +183,9 @@ TEST(SlabConvolution, SendsWhatTheFormulaSays) {
 // Grids of which both, one or none are divided, with ends of slabs that are points of the coarse grid or not.
 TEST(SlabBackend, MovesValuesBetweenGrids) {
   const auto cpu = make_cpu_backend(1);
-  for (const auto& [fine, coarse] : {std::pair<Index, Index>(1024, 512), {1024, 128}, {768, 256}, {96, 48}, {700, 350}})
+  for (const auto& grids : {std::pair<Index, Index>(1024, 512), {1024, 128}, {768, 256}, {96, 48}, {700, 350}})
     for (const int ranks : {1, 2, 3, 7}) {
+      const Index fine = grids.first, coarse = grids.second;
       const RowMatrix f = Random(1).matrix(fine + 1, 3), c = Random(2).matrix(coarse + 1, 3),
                       old = Random(3).matrix(coarse + 1, 3);
       const auto moved = [&](Backend& backend) {
@@ -333,6 +345,63 @@ TEST(SlabBackend, DividesShiftedSolvesByNodes) {
       const auto backend = make_slab_backend(make_cpu_backend(1), communicator);
       EXPECT_LE((backend->resolvent(d, nodes) - expected).cwiseAbs().maxCoeff(), 1e-14) << ranks << " ranks";
       EXPECT_THROW(backend->resolvent(d, bad), SingularShift);
+    });
+}
+
+// A scene with many states whose shifted systems are prepared by a callback, which counts them.
+Scene counting_heat(std::atomic<int>& prepared) {
+  Scene scene = make_scene("signorini", {{"Q", 12}});
+  const SparseDynamics d = to_sparse(get<KroneckerDynamics>(scene.dynamics));
+  SuppliedDynamics supplied;
+  supplied.states = d.A.rows();
+  supplied.B = d.B;
+  supplied.N = d.N;
+  supplied.shifted = [A = d.A, &prepared](Complex z) -> ShiftedSolve {
+    ++prepared;
+    Eigen::SparseMatrix<Complex> shifted(A.rows(), A.cols());
+    shifted.setIdentity();
+    shifted = z * shifted - A.cast<Complex>();
+    const auto lu = std::make_shared<Eigen::SparseLU<Eigen::SparseMatrix<Complex>>>(shifted);
+    return [lu](const ComplexMatrix& R) -> ComplexMatrix { return lu->solve(R); };
+  };
+  scene.dynamics = supplied;
+  scene.f = {};  // sources by lag weights would need a convolution of all lags
+  return scene;
+}
+
+// Set-up of a scene with many states: each rank solves at its share of the nodes, and has the weights of all of them
+// and the same fit by poles. At most eight calls, one for each window of lags and for each set of nodes of a fit, are
+// each divided to within one node.
+TEST(SlabBackend, DividesTheSetUpOfLargeScenes) {
+  constexpr int calls = 8;
+  struct SetUp {
+    LagTable weights;
+    double error_of_fit = 0;
+    int solves_for_weights = 0, solves_for_fit = 0;
+  };
+  const auto set_up = [](Backend& backend) {
+    std::atomic<int> prepared = 0;
+    const Scene scene = counting_heat(prepared);
+    const DiscreteProblem p = discretise(scene, backend, 256), of_fit = discretise(scene, backend, 256);
+    SetUp made;
+    made.weights = *lag_table_of(*make_time_operator(p)->weights(256, nullptr, 0));
+    made.solves_for_weights = prepared;
+    made.error_of_fit = fit_pole_model(of_fit, {}).error;
+    made.solves_for_fit = prepared - made.solves_for_weights;
+    return made;
+  };
+  const SetUp alone = set_up(*make_cpu_backend(1));
+  ASSERT_TRUE(std::isfinite(alone.error_of_fit));
+  for (const int ranks : {2, 3})
+    on_threads(ranks, [&](Communicator& communicator) {
+      const auto backend = make_slab_backend(make_cpu_backend(1), communicator);
+      const SetUp found = set_up(*backend);
+      EXPECT_EQ(found.weights.W, alone.weights.W);
+      EXPECT_EQ(found.weights.S, alone.weights.S);
+      EXPECT_EQ(found.error_of_fit, alone.error_of_fit);
+      EXPECT_LE(ranks * (found.solves_for_weights - calls), alone.solves_for_weights);
+      EXPECT_LE(ranks * (found.solves_for_fit - calls), alone.solves_for_fit);
+      EXPECT_GT(alone.solves_for_fit, 4 * calls) << "otherwise the counts above say little";
     });
 }
 
