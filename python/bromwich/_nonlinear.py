@@ -144,8 +144,8 @@ def solve_nonlinear(
         model = stated(scene, steps, arguments)._model
     answer = _core.solve_nonlinear(
         model,
-        _values("phi", phi),
-        _values("gamma", gamma),
+        _values("phi", phi, dphi),
+        _values("gamma", gamma, dgamma),
         _pair("dphi", dphi, phi),
         _pair("dgamma", dgamma, gamma),
         terms,
@@ -173,11 +173,14 @@ def _positive(name: str, value: float | None, below: float = float("inf")) -> fl
     return float(value)
 
 
-def _values(name: str, function: Function | None) -> Function | None:
+def _values(name: str, function: Function | None, derivative: Function | str | None) -> Function | None:
     if function is None:
         return None
     if not callable(function):
         raise Error(f"{name}: is a {type(function).__name__}; give a function of t, x and y", name)
+
+    if isinstance(derivative, str) and derivative == "jax":
+        function = _in_double("d" + name, function)
 
     def values(t: float, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         found = _numbers(name, function(t, x, y))
@@ -230,18 +233,39 @@ def _pair(name: str, derivative: Function | str | None, function: Function | Non
     return both
 
 
-def _by_jax(name: str, function: Function) -> Function:
+def _jax(name: str) -> tuple[Any, Any]:
+    """JAX, and its context of float64."""
     try:
         import jax
-        import jax.numpy as jnp
-        from jax.experimental import enable_x64
     except ImportError:
         raise Error(f'{name}: "jax" needs the package jax, which is not installed; install it, or give a function', name) from None
+    if hasattr(jax, "enable_x64"):
+        return jax, jax.enable_x64
+    from jax.experimental import enable_x64  # of JAX before 0.8
 
-    jacobian = jax.jit(jax.jacfwd(lambda t, x, y: jnp.atleast_1d(jnp.asarray(function(t, x, y))), argnums=(1, 2)))
+    return jax, enable_x64
+
+
+def _in_double(name: str, function: Function) -> Function:
+    """A function written for JAX, whose values are float64."""
+    jax, enable_x64 = _jax(name)
+    compiled = jax.jit(lambda t, x, y: jax.numpy.atleast_1d(jax.numpy.asarray(function(t, x, y))))
+
+    def values(t: float, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        with enable_x64(True):
+            return np.asarray(compiled(t, x, y), float)
+
+    return values
+
+
+def _by_jax(name: str, function: Function) -> Function:
+    jax, enable_x64 = _jax(name)
+    jacobian = jax.jit(
+        jax.jacfwd(lambda t, x, y: jax.numpy.atleast_1d(jax.numpy.asarray(function(t, x, y))), argnums=(1, 2))
+    )
 
     def both(t: float, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        with enable_x64():
+        with enable_x64(True):
             by_x, by_y = jacobian(t, x, y)
         return np.ascontiguousarray(by_x, float), np.ascontiguousarray(by_y, float)
 
