@@ -26,9 +26,10 @@ bool is_dense(const NonlinearScene& scene) { return scene.linear.dynamics->small
 
 class NonlinearSolve {
  public:
-  NonlinearSolve(const NonlinearScene& scene, const std::vector<double>& breaks, Backend& backend,
+  NonlinearSolve(const NonlinearScene& scene, const Scene& given, const std::vector<double>& breaks, Backend& backend,
                  const NonlinearOptions& options)
       : scene_(scene),
+        given_(given),
         breaks_(breaks),
         backend_(backend),
         options_(options),
@@ -70,7 +71,7 @@ class NonlinearSolve {
     options.states = scene_.of_trace ? StateSelection::none : StateSelection::all;
     options.trace = scene_.of_trace;
     options.interrupted = options_.interrupted;
-    Result linear = solve(scene_.linear, backend_, options);
+    Result linear = solve(given_, backend_, options);
     result_.status = linear.status;
     result_.reason = linear.reason;
     result_.continuous = linear.continuous;
@@ -78,20 +79,26 @@ class NonlinearSolve {
     if (linear.y.rows() != J_ + 1) return;
     result_.y = std::move(linear.y);
     seen() = std::move(scene_.of_trace ? linear.trace : linear.x);
-    for (Index j = 0; j <= J_; ++j) set_slack(j);
+    for (Index j = 0; j <= J_; ++j) set_slack(j, linear.continuous || j == 0 ? 0 : before_jump(j, breaks_of(j)));
   }
 
   // Whether phi and gamma are 0 at the time points of the linear part's solution, which then is that of the discrete
-  // problem: this sees them there alone where y is linear in between. Tried where they are 0 for x0 and y = 0.
+  // problem: this sees them there alone where y is linear in between, and at the first stage of the steps where y may
+  // jump. Tried where they are 0 for x0 and y = 0.
   bool linear_part_solves_it() {
     const Vector start = seen().row(0), none = Vector::Zero(n_);
     for (const double part : {0.0, 0.37, 1.0})
       if (!vanishes(part * scene_.linear.T, start, none)) return false;
     NonlinearSolve linear(*this);
     linear.solve_linear();
-    bool same = linear.result_.status == Status::solved && linear.result_.continuous;
-    for (Index j = 0; same && j <= J_; ++j)
-      same = vanishes(result_.t[j], linear.seen().row(j).transpose(), linear.result_.y.row(j).transpose());
+    bool same = linear.result_.status == Status::solved;
+    for (Index j = 0; same && j <= J_; ++j) {
+      const Vector x = linear.seen().row(j).transpose(), y = linear.result_.y.row(j).transpose();
+      same = vanishes(result_.t[j], x, y);
+      if (linear.result_.continuous || j == 0) continue;
+      const Vector before = linear.seen().row(j - 1).transpose();
+      same = same && vanishes(result_.t[j] - 2 * h_ / 3, (2 * before + x) / 3, y);
+    }
     if (linear.result_.status == Status::interrupted) return result_ = std::move(linear.result_), true;
     if (!same) return false;
     result_ = std::move(linear.result_);
@@ -177,6 +184,12 @@ class NonlinearSolve {
     return inside;
   }
 
+  // How far before t_j row j stands where f or g jumps there and y may jump; 0 elsewhere.
+  double before_jump(Index j, const std::vector<double>& breaks) const {
+    const double side = side_of_break * scene_.linear.T;
+    return !breaks.empty() && breaks.back() > double(j) * h_ - 4 * side ? side : 0;
+  }
+
   NewtonOutcome take(Index j, const std::vector<double>& breaks, Vector& x, Vector& y) {
     if (breaks.empty()) return steps_->take(j, x, y);
     const StepOptions options{result_.continuous ? StepRule::linear : StepRule::radau, steps_->selects_least(),
@@ -190,15 +203,15 @@ class NonlinearSolve {
     for (Index j = from + 1; j <= to; ++j) {
       if (options_.interrupted && options_.interrupted()) return fail(Status::interrupted, "stopped on request");
       const std::vector<double> breaks = breaks_of(j);
-      const bool at_end = !breaks.empty() && breaks.back() > double(j) * h_ - 4 * side_of_break * scene_.linear.T;
+      const double before = before_jump(j, breaks);
       NewtonOutcome outcome = take(j, breaks, x, y);
-      if (outcome.solved && at_end && result_.continuous) outcome = steps_->y_at(j, x, y);
+      if (outcome.solved && before > 0 && result_.continuous) outcome = steps_->y_at(j, x, y);
       result_.newton += outcome.iterations;
       if (!outcome.solved) return fail_at(j, outcome);
       ++result_.marched;
       result_.x.row(j) = x.transpose();
       result_.y.row(j) = y.transpose();
-      set_slack(j, at_end && !result_.continuous ? side_of_break * scene_.linear.T : 0);
+      set_slack(j, result_.continuous ? 0 : before);
     }
     return true;
   }
@@ -314,6 +327,7 @@ class NonlinearSolve {
   }
 
   const NonlinearScene& scene_;
+  const Scene& given_;                 ///< the linear part as it was stated
   const std::vector<double>& breaks_;  ///< where steps are divided
   Backend& backend_;
   const NonlinearOptions& options_;
@@ -386,14 +400,14 @@ std::optional<double> error_of(double before, double now, double wanted) {
 
 // Grids of J, 2J, 4J, ... steps until two differences, of which the second is smaller or both are a tenth of what is
 // wanted, say that the error is reached.
-NonlinearResult refine(const NonlinearScene& scene, const std::vector<double>& breaks, Backend& backend,
-                       NonlinearOptions options) {
+NonlinearResult refine(const NonlinearScene& scene, const Scene& given, const std::vector<double>& breaks,
+                       Backend& backend, NonlinearOptions options) {
   if (options.steps == 0) options.steps = scene.linear.default_steps;
   NonlinearResult coarse;
   std::optional<double> before;
   int failures = 0;
   for (;; options.steps *= 2) {
-    NonlinearResult fine = NonlinearSolve(scene, breaks, backend, options).run();
+    NonlinearResult fine = NonlinearSolve(scene, given, breaks, backend, options).run();
     if (fine.status == Status::interrupted || fine.status == Status::unsupported) return fine;
     const bool both = fine.status == Status::solved && coarse.status == Status::solved;
     std::optional<double> now;
@@ -435,8 +449,8 @@ NonlinearResult solve_nonlinear(const NonlinearScene& scene, Backend& backend, c
   if (!(options.error >= 0)) throw Error("error", text("found %g", options.error), "give a positive number, or 0");
   const NonlinearScene stated = in_states(scene);
   const std::vector<double> breaks = breaks_of(stated.linear);
-  return options.error > 0 ? refine(stated, breaks, backend, options)
-                           : NonlinearSolve(stated, breaks, backend, options).run();
+  return options.error > 0 ? refine(stated, scene.linear, breaks, backend, options)
+                           : NonlinearSolve(stated, scene.linear, breaks, backend, options).run();
 }
 
 }  // namespace bromwich
