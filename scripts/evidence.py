@@ -17,6 +17,12 @@ def load(name):
     return json.loads((results / f"{name}.json").read_text())
 
 
+def sweeps_of_table():
+    """The sweeps of the columns of Table 4.1 on a device; none where they are not measured."""
+    path = results / "paper-gpu.json"
+    return [row for row in json.loads(path.read_text())["rows"] if row["part"] == "sweep"] if path.exists() else []
+
+
 def seconds(value):
     """12.3 ms, with the unit that keeps three digits."""
     for unit, factor in (("s", 1), ("ms", 1e3), ("µs", 1e6)):

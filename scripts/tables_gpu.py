@@ -1,5 +1,5 @@
 """The tables of docs/measurements/gpu.md."""
-from evidence import machine, number, seconds
+from evidence import machine, number, seconds, sweeps_of_table
 
 
 def spread_of(row, key):
@@ -26,7 +26,7 @@ def gpu_splits(data):
     if not paper:
         return []
     lines = ["", "| dx | the paper: LCP, linear algebra, interpolation, communication | here: LCP, transforms and scan, the rest |", "|--" * 3 + "|"]
-    ours = {round(row["Q"]) + 1: row for row in data["rows"] if row["part"] == "sweep" and row["steps"] == 400}
+    ours = {round(row["Q"]) + 1: row for row in [*data["rows"], *sweeps_of_table()] if row["part"] == "sweep" and row["steps"] == 400}
     for row in paper:
         here = ours.get(row["cells"]) or ours[40]
         sweep = here["seconds"]["median"]

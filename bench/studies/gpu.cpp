@@ -45,11 +45,25 @@ void add_paper(BenchReport& report) {
         {{"part", "paper, Fig. 4.10"}, {"dx", t.dx}, {"iteration_seconds", t.iteration}, {"euler_seconds", t.euler}});
 }
 
+/// A column of Table 4.1: signorini with Q points along the contact and J steps.
+struct Column {
+  double Q;
+  Index J;
+};
+
+/// Case I: dx = 1/40, h = 1/16 to 1/512; Case II: h = 1/100, dx = 1/16 to 1/512.
+std::vector<Column> columns_of_table(double T) {
+  std::vector<Column> columns;
+  for (Index per_unit = 16; per_unit <= 512; per_unit *= 2) columns.push_back({39, Index(T * double(per_unit))});
+  for (Index cells = 16; cells <= 512; cells *= 2) columns.push_back({double(cells - 1), Index(T * 100)});
+  return columns;
+}
+
 void check_request(const BenchRequest& request) {
   if (request.scene && *request.scene != "signorini")
     throw Error("SCENE", fmt::format("found '{}'", *request.scene), "leave it out: this benchmark uses signorini");
   for (const auto& [key, value] : request.settings)
-    if (key != "Q") throw Error("--set", "found '" + key + "'", "set Q, or nothing");
+    if (key != "Q" && key != "table") throw Error("--set", "found '" + key + "'", "set Q, table = 1, or nothing");
 }
 
 std::vector<std::string> sweep_line(double Q, Index J, const Sweep& s, const Json& row) {
@@ -104,6 +118,8 @@ BenchReport bench_gpu(const BenchRequest& request, Backend& backend) {
   if (request.quick) points = {39}, grids = {400};
   if (request.settings.contains("Q")) points = {request.settings.at("Q")};
   if (request.steps > 0) grids = {request.steps};
+  const bool table_alone = request.settings.contains("table");  // the sweeps of Table 4.1 and nothing else
+  if (table_alone) points.clear();
   std::vector<std::vector<std::string>> sweeps{
       {"Q", "J", "K", "sweep", "recorded", "LCP", "of copy", "transform", "of GEMM", "scan", "FFT"}};
   std::vector<std::vector<std::string>> solves{
@@ -120,8 +136,17 @@ BenchReport bench_gpu(const BenchRequest& request, Backend& backend) {
         solves.push_back(solve_line(Q, c));
       }
     }
-  const std::string transforms = measure_transforms(request.quick, ceilings, report);
-  const std::string small = measure_small_problems(*cuda, request.repeats(), request.quick, ceilings, report);
+  if (table_alone)
+    for (const auto& [Q, J] : columns_of_table(make_scene("signorini", {}).T)) {
+      const Sweep s = measure_sweep(make_scene("signorini", {{"Q", Q}}), *cuda, J, request.repeats());
+      report.rows.push_back(sweep_row(Q, J, s, ceilings));
+      sweeps.push_back(sweep_line(Q, J, s, report.rows.back()));
+    }
+  std::string transforms, small;
+  if (!table_alone) {
+    transforms = measure_transforms(request.quick, ceilings, report);
+    small = measure_small_problems(*cuda, request.repeats(), request.quick, ceilings, report);
+  }
   add_paper(report);
   print(fmt::format("{}: copy {:.2f} TB/s, DGEMM {:.1f} Tflop/s\n", cuda->device().name,
                     1e-12 * ceilings.copy_bytes_per_second, 1e-12 * ceilings.gemm_flops_per_second) +

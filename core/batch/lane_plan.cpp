@@ -122,7 +122,7 @@ std::unique_ptr<LanePlan> LanePlan::make(const Scene& given, Backend& backend, I
   const double size = scene.T * p->A.cwiseAbs().colwise().sum().maxCoeff();
   if (!(epsilon * size <= rounding_of_time)) return why = "long times", nullptr;
   if (d.f.not_finite() >= 0 || d.g.not_finite() >= 0) return why = "sources that are not finite", nullptr;
-  p->stages = !methods.basis().continuous || methods.basis().rings;
+  p->stages = !methods.basis().continuous || methods.basis().rings || methods.basis().only_in_sweeps;
   if (methods.basis().rings) p->most_growth = growth_with_rings;
   p->natural = std::move(natural);
   const bool fine =

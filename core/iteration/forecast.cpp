@@ -66,7 +66,7 @@ double instant_contraction(const LcpMatrix& M, LcpClass lcp_class, const Weights
       const Vector of_M = stencil->eigenvalues();
       return of_M.minCoeff() > 0 ? modal->w0.cwiseAbs().cwiseQuotient(of_M).maxCoeff() : INFINITY;
     }
-  if (on.range) return on.range->contraction(first_weight(weights));
+  if (on.range && on.range->holds_outputs) return on.range->contraction(first_weight(weights));
   return instant_contraction(M, lcp_class, first_row_sums(weights));
 }
 

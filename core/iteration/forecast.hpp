@@ -11,8 +11,9 @@
 // one is below tol everywhere on [0,T] after (s T + ln 1/tol) / -ln khat(s) sweeps. Such an s exists only if kappa_0 <
 // 1. With khat(s1) = 1, errors, including rounding errors, may first grow by e^{s1 T}.
 //
-// A semidefinite M whose null space the dynamics do not see has the same in the norm of its range, |S^1/2 y|, with
-// kappa_d = |S^+/2 W_d S^+/2|_2 (core/kernel/monotone_range.hpp).
+// A semidefinite M whose null space does not move the state has the same in the norm of its range, |S^1/2 y|, with
+// kappa_d = |S^+/2 W_d S^+/2|_2, or L |D^{-1} W_d S^+/2|_2 where N sees the null space
+// (core/kernel/monotone_range.hpp).
 
 #include "../kernel/discrete_problem.hpp"
 #include "../kernel/monotone_range.hpp"
@@ -35,7 +36,8 @@ struct Forecast {
 /// kappa_0 only, from |W_0| 1; infinite if M is neither H+ nor a P-matrix with a known L.
 double instant_contraction(const LcpMatrix& M, LcpClass, const Vector& row_sums);
 
-/// The same of these weights. On a face whose modes diagonalise M, the 2-norm: max_l |w0_l| / M_l.
+/// The same of these weights, for M + W_0 to be monotone on the range of M. On a face whose modes diagonalise M, the
+/// 2-norm: max_l |w0_l| / M_l.
 double instant_contraction(const LcpMatrix& M, LcpClass, const Weights&, const RangeOfM& = {});
 
 Forecast forecast(const LcpMatrix& M, const LagTable&, double h, double tolerance, const RangeOfM& = {});

@@ -1,6 +1,10 @@
 #include "core/kernel/monotone_range.hpp"
 
+#include "core/lcp/active_set.hpp"
+#include "core/numerics/equilibration.hpp"
+
 #include <Eigen/Eigenvalues>
+#include <Eigen/QR>
 
 #include <algorithm>
 #include <cmath>
@@ -10,6 +14,8 @@ namespace bromwich {
 namespace {
 
 constexpr Index largest = 1024;
+constexpr Index largest_L = 12;          ///< active sets are enumerated up to this size
+constexpr double most_projected = 4e6;   ///< entries of U0^T N
 constexpr double rank_rounding = 1e-11;  ///< of the largest eigenvalue: as in core/lcp/least_norm.cpp
 
 double largest_eigenvalue(const Matrix& symmetric) {
@@ -27,12 +33,47 @@ bool vanishes(const SparseMatrix& A, const Matrix& null_space) {
   return true;
 }
 
+// Whether LCP(M, N x + q) has a solution for all x where LCP(M, q) has one: N U0's part is in the cone of these q,
+// which is convex and contains the range of S.
+bool stays_feasible(const Matrix& M, LcpClass lcp_class, const SparseMatrix& N, const Matrix& null_space) {
+  if (double(null_space.cols()) * double(N.cols()) > most_projected) return false;
+  const Matrix seen = null_space.transpose() * N;
+  Eigen::ColPivHouseholderQR<Matrix> qr;
+  qr.setThreshold(rank_rounding);
+  qr.compute(seen);
+  const Matrix directions = null_space * Matrix(qr.householderQ()).leftCols(qr.rank());
+  ActiveSetLcp lcp(M, lcp_class);
+  Vector y;
+  for (Index k = 0; k < directions.cols(); ++k)
+    for (const double sign : {1.0, -1.0})
+      if (!lcp.solve(sign * directions.col(k), y).solved) return false;
+  return true;
+}
+
+// L of case 2.
+double lipschitz_on_range(const Matrix& M, const Matrix& root, const Vector& scale) {
+  const Index n = M.rows();
+  if (n > largest_L) return INFINITY;
+  double L = 0;
+  for (unsigned set = 1; set < 1u << n; ++set) {
+    const std::vector<Index> S = members(set, n);
+    const auto inverse = scaled_inverse(M(S, S), rank_rounding);
+    if (!inverse) continue;
+    const Matrix piece = root(Eigen::all, S) * *inverse * scale(S).asDiagonal();
+    L = std::max(L, std::sqrt(std::max(largest_eigenvalue(piece.transpose() * piece), 0.0)));
+  }
+  return L;
+}
+
 }  // namespace
 
 double MonotoneRange::contraction(const Matrix& W) const {
   if (unscaled.cols() == 0) return 0;
-  const Matrix inside = unscaled.transpose() * W * unscaled, square = inside.transpose() * inside;
-  return std::sqrt(std::max(largest_eigenvalue(square), 0.0));
+  const Matrix images = W * unscaled;
+  const Matrix inside =
+      holds_outputs ? Matrix(unscaled.transpose() * images) : Matrix(inverse_scale.asDiagonal() * images);
+  const Matrix square = inside.transpose() * inside;
+  return lipschitz * std::sqrt(std::max(largest_eigenvalue(square), 0.0));
 }
 
 bool MonotoneRange::holds_definite(const Matrix& X) const {
@@ -55,10 +96,15 @@ RangeOfM range_of_M(const LcpMatrix& M, LcpClass lcp_class, const SparseMatrix& 
   while (null < n && values[null] <= limit) ++null;
   const Matrix null_space = eigen.eigenvectors().leftCols(null);
   if (!vanishes(B, null_space)) return {std::nullopt, "a y with y^T M y = 0 moves the state"};
-  if (!vanishes(SparseMatrix(N.transpose()), null_space))
-    return {std::nullopt, "N x leaves the range of M + M^T", true};
   MonotoneRange range{eigen.eigenvectors().rightCols(n - null), {}};
-  range.unscaled = range.basis * values.tail(n - null).cwiseSqrt().cwiseInverse().asDiagonal();
+  const Vector roots = values.tail(n - null).cwiseSqrt();
+  range.unscaled = range.basis * roots.cwiseInverse().asDiagonal();
+  range.holds_outputs = vanishes(SparseMatrix(N.transpose()), null_space);
+  if (range.holds_outputs) return {std::move(range), ""};
+  if (!stays_feasible(dense, lcp_class, N, null_space)) return {std::nullopt, "N x leaves the range of M + M^T", true};
+  const Vector own = dense.diagonal(), scale = (own.array() > 0).select(own.array().sqrt(), 1);
+  range.inverse_scale = scale.cwiseInverse();
+  range.lipschitz = lipschitz_on_range(dense, range.basis * roots.asDiagonal() * range.basis.transpose(), scale);
   return {std::move(range), ""};
 }
 

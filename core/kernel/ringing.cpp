@@ -45,6 +45,23 @@ bool same_minors(const Matrix& a, const Matrix& b) {
   return true;
 }
 
+// For the active sets with a regular M_SS alone. More than most_sets_n constraints: those of one.
+bool same_minors_where_regular(const Matrix& M, const Matrix& a, const Matrix& b) {
+  const Index n = M.rows();
+  if (n > most_sets_n) {
+    for (Index i = 0; i < n; ++i)
+      if (M(i, i) > 0 && !(a(i, i) > 0 && b(i, i) > 0)) return false;
+    return true;
+  }
+  for (unsigned set = 1; set < 1u << n; ++set) {
+    const std::vector<Index> S = members(set, n);
+    if (determinant_sign(M(S, S)) == 0) continue;
+    const int sign = determinant_sign(a(S, S));
+    if (sign == 0 || sign != determinant_sign(b(S, S))) return false;
+  }
+  return true;
+}
+
 // Where M is semidefinite, with what B or N does outside its range.
 BasisChoice discontinuous(const std::string& reason, bool rings, const RangeOfM& of_M) {
   BasisChoice choice{false, rings, reason};
@@ -64,12 +81,14 @@ BasisChoice decide(const LcpMatrix& M, LcpClass lcp_class, const Matrix& w0, con
   const Matrix dense = to_dense(M);
   const auto keeps_its_kind = [&](double delta) -> bool {
     const Matrix damped = dense + at_minus_one - delta * w0;
-    if (of_M.range) return of_M.range->holds_definite(dense + w0) && of_M.range->holds_definite(damped);
+    if (of_M.range && of_M.range->holds_outputs)
+      return of_M.range->holds_definite(dense + w0) && of_M.range->holds_definite(damped);
+    if (of_M.range) return same_minors_where_regular(dense, dense + w0, damped);
     // Larger ones: principal minors of size one only. For other P-matrices the solution is checked (ringing_from).
     return dense.rows() <= most_sets_n ? same_minors(dense + w0, damped) : (damped.diagonal().array() > 0).all();
   };
   if (dense.rows() > most_sets_n && !has_one_solution(lcp_class) && !of_M.range) return without;
-  if (keeps_its_kind(margin)) return {};
+  if (keeps_its_kind(margin)) return without;
   return discontinuous(reason, !keeps_its_kind(ringing_margin), of_M);
 }
 
@@ -81,7 +100,12 @@ BasisChoice choose_basis(const LcpMatrix& M, LcpClass lcp_class, const Matrix& w
 }
 
 BasisChoice choose_basis(const LcpMatrix& M, LcpClass lcp_class, const RangeOfM& of_M) {
-  if (has_one_solution(lcp_class) || of_M.range) return {};
+  if (has_one_solution(lcp_class) || of_M.range) {
+    BasisChoice choice;
+    choice.only_in_sweeps = of_M.range && !of_M.range->holds_outputs;
+    if (choice.only_in_sweeps) choice.reason = "N x leaves the range of M + M^T";
+    return choice;
+  }
   if (selects_least(lcp_class) && (diagonal(M).array() != 0).any()) return {};
   return !selects_least_norm(lcp_class) && is_regular(M) ? BasisChoice{}
                                                          : discontinuous("M leaves y to the dynamics", true, of_M);

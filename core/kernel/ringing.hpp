@@ -12,7 +12,8 @@
 // alternating: M > h/2 for K = 1, M > h^2/4 for K = t; the step resolves what M damps.
 //
 // A semidefinite M whose null space the dynamics do not see (monotone_range.hpp) leaves to them what does not matter: M
-// + W_0 and M_delta then have to be definite on the range of M + M^T.
+// + W_0 and M_delta then have to be definite on the range of M + M^T. Where N sees it, each B y has an active set with
+// a regular M_SS, and those minors are compared.
 
 #include "../numerics/alternation.hpp"
 #include "discrete_problem.hpp"
@@ -26,6 +27,7 @@ struct BasisChoice {
   bool rings = false;  ///< even with delta = 1/10: errors of y would alternate for many steps, or grow
   std::string reason;  ///< why not, if not continuous
   std::string refusal = "piecewise-linear y would ring";  ///< what a continuous y would do
+  bool only_in_sweeps = false;  ///< M, not M + W_0, selects the solution: marching has to take stages
 };
 
 /// For a step of the recurrence. Tests all active sets if n <= 12, otherwise sufficient conditions for P-matrices. A

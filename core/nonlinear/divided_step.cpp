@@ -56,12 +56,10 @@ NewtonOutcome take_divided(const NonlinearScene& scene, Backend& backend, const 
     if (options.rule == StepRule::linear && from > t) {
       const NewtonOutcome begin = steps.y_at(0, x, y);
       all.iterations += begin.iterations;
-      if (!begin.solved) return {false, all.iterations, begin.change};
+      if (!begin.solved) return {false, all.iterations, begin.change, begin.why, begin.nonfinite};
     }
     const NewtonOutcome outcome = steps.take(1, x, y);
-    all.iterations += outcome.iterations;
-    all.change = outcome.change;
-    all.solved = outcome.solved;
+    all = {outcome.solved, all.iterations + outcome.iterations, outcome.change, outcome.why, outcome.nonfinite};
     if (!all.solved) return all;
     from = to;
   }

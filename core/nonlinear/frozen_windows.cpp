@@ -170,6 +170,10 @@ bool FrozenWindows::sweep(RowMatrix phi, RowMatrix gamma, Rows& rows) {
   reason_ = last_.reason;
   RowMatrix& seen = scene_.of_trace ? last_.trace : last_.x;
   if (last_.status != Status::solved || !finite(seen) || !finite(last_.y)) return false;
+  if (by_euler(last_)) {
+    reason_ = "the linear solve takes steps of implicit Euler";
+    return false;
+  }
   continuous_ = last_.continuous;
   rows = {std::move(seen), std::move(last_.y)};
   return true;

@@ -10,9 +10,9 @@ namespace bromwich {
 
 namespace {
 
-// Column by column: the derivative by one argument.
+// Column by column: the derivative by one argument. `not_below`: entries that are not below it stay so.
 template <class At>
-void difference(const At& at, const Vector& around, Eigen::Ref<Matrix> by) {
+void difference(const At& at, const Vector& around, double not_below, Eigen::Ref<Matrix> by) {
   Vector z = around, above(by.rows()), below(by.rows());
   const double largest = around.size() > 0 ? around.cwiseAbs().maxCoeff() : 0, floor = largest > 0 ? largest : 1;
   for (Index k = 0; k < z.size(); ++k) {
@@ -21,6 +21,7 @@ void difference(const At& at, const Vector& around, Eigen::Ref<Matrix> by) {
     const double up = z[k];
     at(z, above);
     z[k] = around[k] - step;
+    if (around[k] >= not_below) z[k] = std::max(z[k], not_below);
     const double down = z[k];
     at(z, below);
     z[k] = around[k];
@@ -97,8 +98,8 @@ Linearization linearize(const NonlinearFunction& function, const NonlinearDeriva
     derivative(t, x, y, l.by_x, l.by_y);
     return l;
   }
-  difference([&](const Vector& z, Eigen::Ref<Vector> v) { function(t, z, y, v); }, x, l.by_x);
-  difference([&](const Vector& z, Eigen::Ref<Vector> v) { function(t, x, z, v); }, y, l.by_y);
+  difference([&](const Vector& z, Eigen::Ref<Vector> v) { function(t, z, y, v); }, x, -INFINITY, l.by_x);
+  difference([&](const Vector& z, Eigen::Ref<Vector> v) { function(t, x, z, v); }, y, 0, l.by_y);
   return l;
 }
 

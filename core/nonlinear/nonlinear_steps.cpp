@@ -5,6 +5,7 @@
 #include "core/lcp/active_set.hpp"
 #include "core/solve/solve.hpp"
 
+#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 
 #include <algorithm>
@@ -15,6 +16,7 @@ namespace bromwich {
 namespace {
 
 constexpr double stalled = 1e-8;  ///< changes below that no longer halve are rounding
+const char* const no_solution = "its linear complementarity problem has no solution, or none was found";
 
 double largest(const Vector& v) { return v.size() > 0 ? v.cwiseAbs().maxCoeff() : 0; }
 
@@ -23,6 +25,29 @@ double relative(const Vector& change, const Vector& to, double& size) {
   const double most = largest(change);
   size = std::max(size, largest(to));
   return most > 0 ? most / std::max(size, most) : 0;
+}
+
+// "" or which of the two is not finite.
+std::string not_finite(const char* name, const Linearization& l) {
+  if (!l.value.allFinite()) return std::string(name) + " is not finite";
+  return l.by_x.allFinite() && l.by_y.allFinite() ? "" : std::string("the derivatives of ") + name + " are not finite";
+}
+
+// Whether a change of y is lost in the rounding of w = ... + M y: where the forces on a constraint cancel, y is noise
+// of any relative change.
+bool lost_in_slack(const Matrix& M, const Vector& change, const Vector& terms) {
+  constexpr double roundings = 16;
+  return ((M.cwiseAbs() * change.cwiseAbs()).array() <= roundings * epsilon * terms.array()).all();
+}
+
+// Whether an eigenvalue of I - Z has left the right half plane, where those of short steps are: behind it the step
+// turns growth by more than e^2 into decay. Up to `most` rows; of larger ones the sign of the determinant.
+bool turns_growth_round(const Matrix& by_x, const Eigen::PartialPivLU<Matrix>& lu) {
+  constexpr Index most = 64;
+  const Matrix Z = Matrix::Identity(by_x.rows(), by_x.cols()) - by_x;
+  if (Z.cwiseAbs().rowwise().sum().maxCoeff() < 1) return false;
+  if (by_x.rows() > most) return lu.permutationP().determinant() * lu.matrixLU().diagonal().array().sign().prod() < 0;
+  return !(Eigen::EigenSolver<Matrix>(by_x, false).eigenvalues().real().minCoeff() > 0);
 }
 
 // ∫_0^{c_i h} e^{(c_i h - s) A} f ds of every step and node: from the solution without constraints, on a grid that has
@@ -116,15 +141,20 @@ bool NonlinearSteps::solve_lcp(const Matrix& M, const Matrix& of_y, const Vector
 
 NewtonOutcome NonlinearSteps::y_at(Index j, const Vector& x, Vector& y) const {
   NewtonOutcome outcome;
-  const Vector fixed = N_ * x + g(time(j));
+  const Vector given = g(time(j)), fixed = N_ * x + given;
+  const Vector terms_of_fixed = N_.cwiseAbs() * x.cwiseAbs() + given.cwiseAbs();
   double size = 0;
   for (double before = INFINITY; outcome.iterations < most_newton_; before = outcome.change) {
     ++outcome.iterations;
     const Linearization gamma = linearize(scene_->gamma, scene_->dgamma, N_.rows(), time(j), x, y);
+    outcome.why = not_finite("gamma", gamma);
+    outcome.nonfinite = !gamma.value.allFinite();
+    if (!outcome.why.empty()) return outcome;
     const Matrix M = M_ + gamma.by_y;
     Vector next = y;
-    if (!solve_lcp(M, M, fixed + gamma.value - gamma.by_y * y, next)) return outcome;
+    if (!solve_lcp(M, M, fixed + gamma.value - gamma.by_y * y, next)) return outcome.why = no_solution, outcome;
     outcome.change = relative(next - y, next, size);
+    if (lost_in_slack(M, next - y, terms_of_fixed + gamma.value.cwiseAbs() + M_.cwiseAbs() * next)) outcome.change = 0;
     y = next;
     outcome.solved = outcome.change <= tolerance_ || (outcome.change <= stalled && outcome.change > before / 2);
     if (!scene_->gamma) outcome.solved = true;  // the problem is linear
@@ -138,7 +168,10 @@ NewtonOutcome NonlinearSteps::take(Index j, Vector& x, Vector& y) {
   const double t0 = time(j - 1);
   size_x_ = std::max(size_x_, largest(x));
   size_y_ = std::max(size_y_, largest(y));
+  NewtonOutcome outcome;
   const Vector left = total_source(t0, x, y);
+  outcome.nonfinite = !left.allFinite();
+  if (outcome.nonfinite) return outcome.why = "phi is not finite where it begins", outcome;
   Vector X = x.replicate(nodes, 1), Y = y.replicate(nodes, 1), known(nodes * m);
   std::vector<Vector> g_at;
   for (Index i = 0; i < nodes; ++i) {
@@ -146,9 +179,9 @@ NewtonOutcome NonlinearSteps::take(Index j, Vector& x, Vector& y) {
                               increments_.row((j - 1) * nodes + i).transpose();
     g_at.push_back(g(t0 + step_.nodes[std::size_t(i)] * h_));
   }
-  NewtonOutcome outcome;
   for (double before = INFINITY; outcome.iterations < most_newton_; before = outcome.change) {
     ++outcome.iterations;
+    Vector terms(nodes * n);  // sizes of what is summed in w
     Vector R = X - known, w(nodes * n);
     Matrix by_x = Matrix::Identity(nodes * m, nodes * m), by_y = Matrix::Zero(nodes * m, nodes * n);
     Matrix of_w = Matrix::Zero(nodes * n, nodes * m), M = Matrix::Zero(nodes * n, nodes * n);
@@ -157,6 +190,9 @@ NewtonOutcome NonlinearSteps::take(Index j, Vector& x, Vector& y) {
       const Vector x_k = X.segment(k * m, m), y_k = Y.segment(k * n, n);
       const Linearization phi = linearize(scene_->phi, scene_->dphi, m, t, x_k, y_k);
       const Linearization gamma = linearize(scene_->gamma, scene_->dgamma, n, t, x_k, y_k);
+      outcome.why = not_finite("phi", phi);
+      if (outcome.why.empty()) outcome.why = not_finite("gamma", gamma);
+      if (!outcome.why.empty()) return outcome;
       const Vector F = B_ * y_k + phi.value;
       const Matrix F_y = B_ + phi.by_y;
       for (Index i = 0; i < nodes; ++i) {
@@ -166,6 +202,8 @@ NewtonOutcome NonlinearSteps::take(Index j, Vector& x, Vector& y) {
         by_y.block(i * m, k * n, m, n) -= W * F_y;
       }
       w.segment(k * n, n) = N_ * x_k + M_ * y_k + g_at[std::size_t(k)] + gamma.value;
+      terms.segment(k * n, n) = N_.cwiseAbs() * x_k.cwiseAbs() + M_.cwiseAbs() * y_k + g_at[std::size_t(k)].cwiseAbs() +
+                                gamma.value.cwiseAbs();
       of_w.block(k * n, k * m, n, m) = N_ + gamma.by_x;
       M.block(k * n, k * n, n, n) = M_ + gamma.by_y;
     }
@@ -174,13 +212,19 @@ NewtonOutcome NonlinearSteps::take(Index j, Vector& x, Vector& y) {
     const Matrix response = -lu.solve(by_y);  // of dX to dY
     const Matrix reduced = M + of_w * response;
     Vector next = Y;
-    if (n > 0 && !solve_lcp(reduced, M, w + of_w * free - reduced * Y, next)) return outcome;
+    if (n > 0 && !solve_lcp(reduced, M, w + of_w * free - reduced * Y, next)) return outcome.why = no_solution, outcome;
     const Vector dX = free + response * (next - Y);
-    if (!dX.allFinite()) return outcome;
+    if (!dX.allFinite()) return outcome.why = "its iterate is not finite", outcome;
     X += dX;
-    outcome.change = std::max(relative(dX, X, size_x_), relative(next - Y, next, size_y_));
+    const double of_x = relative(dX, X, size_x_), of_y = relative(next - Y, next, size_y_);
+    outcome.change = lost_in_slack(reduced, next - Y, terms) ? of_x : std::max(of_x, of_y);
     Y = next;
     outcome.solved = outcome.change <= tolerance_ || (outcome.change <= stalled && outcome.change > before / 2);
+    if (outcome.solved && turns_growth_round(by_x, lu)) {
+      outcome.solved = false;
+      outcome.why = "phi makes the states grow by more than e^2 in this step";
+      return outcome;
+    }
     if (outcome.solved) break;
   }
   x = X.tail(m);

@@ -14,14 +14,17 @@
 
 #include <array>
 #include <optional>
+#include <string>
 
 namespace bromwich {
 
-/// y and its limit of Newton: how many iterations it took, or why it failed.
+/// What became of Newton's iteration.
 struct NewtonOutcome {
   bool solved = false;
   Index iterations = 0;
-  double change = 0;  ///< of the last iteration
+  double change = 0;       ///< of the last iteration
+  std::string why = {};    ///< it ended before the limit of iterations without a solution
+  bool nonfinite = false;  ///< phi or gamma is not finite where the step begins
 };
 
 class NonlinearSteps {

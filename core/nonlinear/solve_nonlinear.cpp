@@ -26,9 +26,10 @@ bool is_dense(const NonlinearScene& scene) { return scene.linear.dynamics->small
 
 class NonlinearSolve {
  public:
-  NonlinearSolve(const NonlinearScene& scene, const std::vector<double>& breaks, Backend& backend,
+  NonlinearSolve(const NonlinearScene& scene, const Scene& given, const std::vector<double>& breaks, Backend& backend,
                  const NonlinearOptions& options)
       : scene_(scene),
+        given_(given),
         breaks_(breaks),
         backend_(backend),
         options_(options),
@@ -70,7 +71,7 @@ class NonlinearSolve {
     options.states = scene_.of_trace ? StateSelection::none : StateSelection::all;
     options.trace = scene_.of_trace;
     options.interrupted = options_.interrupted;
-    Result linear = solve(scene_.linear, backend_, options);
+    Result linear = solve(given_, backend_, options);
     result_.status = linear.status;
     result_.reason = linear.reason;
     result_.continuous = linear.continuous;
@@ -78,20 +79,26 @@ class NonlinearSolve {
     if (linear.y.rows() != J_ + 1) return;
     result_.y = std::move(linear.y);
     seen() = std::move(scene_.of_trace ? linear.trace : linear.x);
-    for (Index j = 0; j <= J_; ++j) set_slack(j);
+    for (Index j = 0; j <= J_; ++j) set_slack(j, linear.continuous || j == 0 ? 0 : before_jump(j, breaks_of(j)));
   }
 
   // Whether phi and gamma are 0 at the time points of the linear part's solution, which then is that of the discrete
-  // problem: this sees them there alone where y is linear in between. Tried where they are 0 for x0 and y = 0.
+  // problem: this sees them there alone where y is linear in between, and at the first stage of the steps where y may
+  // jump. Tried where they are 0 for x0 and y = 0.
   bool linear_part_solves_it() {
     const Vector start = seen().row(0), none = Vector::Zero(n_);
     for (const double part : {0.0, 0.37, 1.0})
       if (!vanishes(part * scene_.linear.T, start, none)) return false;
     NonlinearSolve linear(*this);
     linear.solve_linear();
-    bool same = linear.result_.status == Status::solved && linear.result_.continuous;
-    for (Index j = 0; same && j <= J_; ++j)
-      same = vanishes(result_.t[j], linear.seen().row(j).transpose(), linear.result_.y.row(j).transpose());
+    bool same = linear.result_.status == Status::solved;
+    for (Index j = 0; same && j <= J_; ++j) {
+      const Vector x = linear.seen().row(j).transpose(), y = linear.result_.y.row(j).transpose();
+      same = vanishes(result_.t[j], x, y);
+      if (linear.result_.continuous || j == 0) continue;
+      const Vector before = linear.seen().row(j - 1).transpose();
+      same = same && vanishes(result_.t[j] - 2 * h_ / 3, (2 * before + x) / 3, y);
+    }
     if (linear.result_.status == Status::interrupted) return result_ = std::move(linear.result_), true;
     if (!same) return false;
     result_ = std::move(linear.result_);
@@ -110,9 +117,10 @@ class NonlinearSolve {
     NonlinearSteps steps = make_steps(StepRule::linear);
     Vector y = Vector::Zero(n_);
     if (selects_least(steps.lcp_class(scene_.linear.x0, y))) steps.select_least();
-    const bool starts = steps.y_at(0, scene_.linear.x0, y).solved;
+    const NewtonOutcome start = steps.y_at(0, scene_.linear.x0, y);
+    if (start.nonfinite) return void(fail(Status::nonfinite, start.why + " at t = 0"));
     const LcpClass of_y = steps.lcp_class(scene_.linear.x0, y);
-    result_.continuous = starts && is_continuous(of_y);
+    result_.continuous = start.solved && is_continuous(of_y);
     if (!result_.continuous) {
       y.setZero();
       if (result_.method != NonlinearMethod::march) {
@@ -176,6 +184,12 @@ class NonlinearSolve {
     return inside;
   }
 
+  // How far before t_j row j stands where f or g jumps there and y may jump; 0 elsewhere.
+  double before_jump(Index j, const std::vector<double>& breaks) const {
+    const double side = side_of_break * scene_.linear.T;
+    return !breaks.empty() && breaks.back() > double(j) * h_ - 4 * side ? side : 0;
+  }
+
   NewtonOutcome take(Index j, const std::vector<double>& breaks, Vector& x, Vector& y) {
     if (breaks.empty()) return steps_->take(j, x, y);
     const StepOptions options{result_.continuous ? StepRule::linear : StepRule::radau, steps_->selects_least(),
@@ -189,21 +203,30 @@ class NonlinearSolve {
     for (Index j = from + 1; j <= to; ++j) {
       if (options_.interrupted && options_.interrupted()) return fail(Status::interrupted, "stopped on request");
       const std::vector<double> breaks = breaks_of(j);
-      const bool at_end = !breaks.empty() && breaks.back() > double(j) * h_ - 4 * side_of_break * scene_.linear.T;
+      const double before = before_jump(j, breaks);
       NewtonOutcome outcome = take(j, breaks, x, y);
-      if (outcome.solved && at_end && result_.continuous) outcome = steps_->y_at(j, x, y);
+      if (outcome.solved && before > 0 && result_.continuous) outcome = steps_->y_at(j, x, y);
       result_.newton += outcome.iterations;
-      if (!outcome.solved)
-        return fail(Status::tolerance_not_met,
-                    text("Newton's iteration of the step to t = %.6g does not converge (last change %.1e after %ld "
-                         "iterations); try more steps",
-                         steps_->time(j), outcome.change, long(outcome.iterations)));
+      if (!outcome.solved) return fail_at(j, outcome);
       ++result_.marched;
       result_.x.row(j) = x.transpose();
       result_.y.row(j) = y.transpose();
-      set_slack(j, at_end && !result_.continuous ? side_of_break * scene_.linear.T : 0);
+      set_slack(j, result_.continuous ? 0 : before);
     }
     return true;
+  }
+
+  bool fail_at(Index j, const NewtonOutcome& outcome) {
+    const double t = steps_->time(j);
+    if (outcome.nonfinite) return fail(Status::nonfinite, text("the step to t = %.6g: %s", t, outcome.why.c_str()));
+    if (!outcome.why.empty())
+      return fail(Status::tolerance_not_met,
+                  text("Newton's iteration of the step to t = %.6g ends after %ld iterations: %s; try more steps", t,
+                       long(outcome.iterations), outcome.why.c_str()));
+    return fail(Status::tolerance_not_met,
+                text("Newton's iteration of the step to t = %.6g does not converge (last change %.1e after %ld "
+                     "iterations); try more steps",
+                     t, outcome.change, long(outcome.iterations)));
   }
 
   // The steps from row `from` up to the next one that has to be divided.
@@ -304,6 +327,7 @@ class NonlinearSolve {
   }
 
   const NonlinearScene& scene_;
+  const Scene& given_;                 ///< the linear part as it was stated
   const std::vector<double>& breaks_;  ///< where steps are divided
   Backend& backend_;
   const NonlinearOptions& options_;
@@ -354,25 +378,46 @@ double apart(const RowMatrix& coarse, const RowMatrix& fine) {
   return largest;
 }
 
+// Methods for the linear solves of windows: those with y linear between the time points.
+bool solves_the_discrete_problem(Method inner) {
+  return inner == Method::automatic || inner == Method::march || inner == Method::contour || inner == Method::multigrid;
+}
+
 // What phi and gamma see.
 const RowMatrix& seen(const NonlinearResult& r) { return r.trace.size() > 0 ? r.trace : r.x; }
 
-// Grids of J, 2J, 4J, ... steps until two differences, of which the second is smaller, say that the error is reached.
-NonlinearResult refine(const NonlinearScene& scene, const std::vector<double>& breaks, Backend& backend,
-                       NonlinearOptions options) {
+constexpr int most_failures = 6;  // grids in turn that are not solved
+constexpr double most_unordered =
+    10;  // of differences that do not fall, to the tolerance: rounding, or what only rough steps see
+
+// The error of the finest of three grids from their two differences; nothing where they do not say it.
+std::optional<double> error_of(double before, double now, double wanted) {
+  const double order = std::clamp(std::log2(before / std::max(now, 1e-300)), 0.0, 2.0);
+  if (order >= 0.5) return now / (std::exp2(order) - 1);
+  const double bound = most_unordered * std::max(before, now);
+  return bound <= wanted ? std::optional(bound) : std::nullopt;
+}
+
+// Grids of J, 2J, 4J, ... steps until two differences, of which the second is smaller or both are a tenth of what is
+// wanted, say that the error is reached.
+NonlinearResult refine(const NonlinearScene& scene, const Scene& given, const std::vector<double>& breaks,
+                       Backend& backend, NonlinearOptions options) {
   if (options.steps == 0) options.steps = scene.linear.default_steps;
   NonlinearResult coarse;
-  double before = 0;
+  std::optional<double> before;
+  int failures = 0;
   for (;; options.steps *= 2) {
-    NonlinearResult fine = NonlinearSolve(scene, breaks, backend, options).run();
+    NonlinearResult fine = NonlinearSolve(scene, given, breaks, backend, options).run();
     if (fine.status == Status::interrupted || fine.status == Status::unsupported) return fine;
     const bool both = fine.status == Status::solved && coarse.status == Status::solved;
-    const double now =
-        both ? std::max(apart(seen(coarse), seen(fine)), fine.continuous ? apart(coarse.y, fine.y) : 0) : 0;
-    if (both && before > 0) {
-      const double order = std::clamp(std::log2(before / std::max(now, 1e-300)), 0.0, 2.0);
-      if (order >= 0.5) fine.error_estimate = now / (std::exp2(order) - 1);
-      if (fine.error_estimate && *fine.error_estimate <= options.error) return fine;
+    std::optional<double> now;
+    if (both) now = std::max(apart(seen(coarse), seen(fine)), fine.continuous ? apart(coarse.y, fine.y) : 0);
+    if (now && before) fine.error_estimate = error_of(*before, *now, options.error);
+    if (fine.error_estimate && *fine.error_estimate <= options.error) return fine;
+    failures = fine.status == Status::solved ? 0 : failures + 1;
+    if (failures == most_failures) {
+      fine.reason += text("; %d grids in turn end before T", most_failures);
+      return fine;
     }
     if (2 * options.steps > options.max_steps) {
       if (fine.status == Status::solved)
@@ -394,11 +439,18 @@ NonlinearResult solve_nonlinear(const NonlinearScene& scene, Backend& backend, c
   scene.validate();
   if (!(options.tolerance > 0)) throw Error("tolerance", text("found %g", options.tolerance), "give a positive number");
   if (options.steps < 0) throw Error("steps", text("found %ld", long(options.steps)), "give a positive number");
+  const Index first = options.steps > 0 ? options.steps : scene.linear.default_steps;
+  if (options.error > 0 && options.max_steps < first)
+    throw Error("max_steps", text("found %ld", long(options.max_steps)),
+                text("give %ld or more, the steps of the first grid", long(first)));
+  if (!solves_the_discrete_problem(options.inner))
+    throw Error("inner", text("%s has other steps than these", to_string(options.inner)),
+                "use auto, march, contour or multigrid");
   if (!(options.error >= 0)) throw Error("error", text("found %g", options.error), "give a positive number, or 0");
   const NonlinearScene stated = in_states(scene);
   const std::vector<double> breaks = breaks_of(stated.linear);
-  return options.error > 0 ? refine(stated, breaks, backend, options)
-                           : NonlinearSolve(stated, breaks, backend, options).run();
+  return options.error > 0 ? refine(stated, scene.linear, breaks, backend, options)
+                           : NonlinearSolve(stated, scene.linear, breaks, backend, options).run();
 }
 
 }  // namespace bromwich

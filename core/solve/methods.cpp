@@ -146,7 +146,7 @@ void Methods::run(Method method, const InnerOptions& options, Result& result) {
 
 void Methods::march(const InnerOptions& options, Result& result) {
   // Where stepping the state costs a solve a step, only what would ring keeps it from the weights.
-  if (basis().rings || (!basis().continuous && !operator_->prefers_weights())) {
+  if (basis().rings || basis().only_in_sweeps || (!basis().continuous && !operator_->prefers_weights())) {
     step_in_stages(2, options, result);
     result.kernel += "; " + basis().reason;
   } else if (operator_->takes_parts()) {

@@ -99,7 +99,7 @@ def solve_nonlinear(
     Args:
         scene: the linear part, a :class:`Scene`; or none, and A, B, N, M, x0, T, f, g by name; or the path of a scene file
             with a section [nonlinear], and values of its parameters by name.
-        phi: function of t, x (m) and y (n) that returns m values.
+        phi: function of t, x (m) and y (n) that returns m values. y is not negative where it is called.
         gamma: the same with n values.
         dphi, dgamma: derivatives: functions that return two arrays, by x and by y; ``"jax"``: by jax.jacfwd; None: by
             central differences.
@@ -109,7 +109,8 @@ def solve_nonlinear(
             with phi and gamma of the last iterate as sources. ``"newton"``: on windows, phi and gamma linearised about
             the last iterate. ``"pointwise"``: on windows, the functional iteration: nonlinear complementarity problems of
             all time points with the states of the last sweep. ``"auto"``: march for dense scenes, otherwise iteration.
-        inner: the method of the linear solves of ``iteration`` and ``newton``, as :func:`solve` takes it.
+        inner: the method of the linear solves of ``iteration`` and ``newton``: ``"march"``, ``"contour"``, ``"multigrid"``
+            or ``"auto"``.
         steps: J; with ``tol`` of the first grid.
         tol: halve the steps until the error of x, and of y where it is continuous, is estimated below tol times the
             largest value of each component.
@@ -143,8 +144,8 @@ def solve_nonlinear(
         model = stated(scene, steps, arguments)._model
     answer = _core.solve_nonlinear(
         model,
-        _values("phi", phi),
-        _values("gamma", gamma),
+        _values("phi", phi, dphi),
+        _values("gamma", gamma, dgamma),
         _pair("dphi", dphi, phi),
         _pair("dgamma", dgamma, gamma),
         terms,
@@ -152,9 +153,9 @@ def solve_nonlinear(
         method,
         inner,
         0 if steps is None else int(steps),
-        0.0 if tol is None else float(tol),
-        0 if max_steps is None else int(max_steps),
-        0.0 if iteration_tol is None else float(iteration_tol),
+        _positive("tol", tol),
+        int(_positive("max_steps", max_steps)),
+        _positive("iteration_tol", iteration_tol, 1),
         backend,
         int(threads),
         stop,
@@ -162,42 +163,109 @@ def solve_nonlinear(
     return judged(NonlinearResult(answer), answer.by_keyboard, check, stop, 3)
 
 
-def _values(name: str, function: Function | None) -> Function | None:
+def _positive(name: str, value: float | None, below: float = float("inf")) -> float:
+    """The value as the compiled part takes it, 0 for None."""
+    if value is None:
+        return 0.0
+    if not 0 < float(value) < below:
+        room = "a positive number" if below == float("inf") else f"a number between 0 and {below:g}"
+        raise Error(f"{name}: is {value}; give {room}, or None", name)
+    return float(value)
+
+
+def _values(name: str, function: Function | None, derivative: Function | str | None) -> Function | None:
     if function is None:
         return None
     if not callable(function):
         raise Error(f"{name}: is a {type(function).__name__}; give a function of t, x and y", name)
-    return lambda t, x, y: np.atleast_1d(np.asarray(function(t, x, y), float))
+
+    if isinstance(derivative, str) and derivative == "jax":
+        function = _in_double("d" + name, function)
+
+    def values(t: float, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        found = _numbers(name, function(t, x, y))
+        if found.ndim > 1:
+            raise Error(f"{name}: returns an array of shape {found.shape}; return one number for each row, in a list", name)
+        return np.atleast_1d(found)
+
+    return values
+
+
+def _numbers(name: str, found: Any) -> np.ndarray:
+    """What a function has returned, as an array of float64."""
+    try:
+        if found is None or np.iscomplexobj(found):
+            raise TypeError
+        return np.asarray(found, float)
+    except (TypeError, ValueError):
+        raise Error(f"{name}: returns {_shown(found)}; return real numbers", name) from None
+
+
+def _shown(value: Any) -> str:
+    """In one short line."""
+    return f"{' '.join(repr(value).split()):.60}"
 
 
 def _pair(name: str, derivative: Function | str | None, function: Function | None) -> Function | None:
-    if derivative is None or function is None:
+    if derivative is None:
         return None
-    if derivative == "jax":
-        return _by_jax(function)
+    if function is None:
+        raise Error(f"{name}: is given without {name[1:]}; give both, or none", name)
+    if isinstance(derivative, str) and derivative == "jax":
+        return _by_jax(name, function)
     if not callable(derivative):
         raise Error(f"{name}: is {derivative!r}; give a function, \"jax\" or None", name)
 
+    def matrix(found: Any, columns: int) -> np.ndarray:
+        entries = _numbers(name, found)
+        if entries.ndim < 2:  # one row, or one column
+            entries = entries.reshape(-1, columns) if entries.size % columns == 0 else entries.reshape(1, -1)
+        if entries.ndim > 2:
+            raise Error(f"{name}: returns an array of shape {entries.shape}; return a matrix by x and one by y", name)
+        return np.ascontiguousarray(entries)
+
     def both(t: float, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        by_x, by_y = derivative(t, x, y)
-        rows = -1 if np.ndim(by_x) else 1
-        return (
-            np.ascontiguousarray(np.reshape(np.asarray(by_x, float), (rows, x.size))),
-            np.ascontiguousarray(np.reshape(np.asarray(by_y, float), (rows, y.size))),
-        )
+        found = derivative(t, x, y)
+        if not isinstance(found, (tuple, list)) or len(found) != 2:
+            raise Error(f"{name}: returns {_shown(found)}; return two arrays, by x and by y", name)
+        return matrix(found[0], x.size), matrix(found[1], y.size)
 
     return both
 
 
-def _by_jax(function: Function) -> Function:
-    import jax
-    import jax.numpy as jnp
-    from jax.experimental import enable_x64
+def _jax(name: str) -> tuple[Any, Any]:
+    """JAX, and its context of float64."""
+    try:
+        import jax
+    except ImportError:
+        raise Error(f'{name}: "jax" needs the package jax, which is not installed; install it, or give a function', name) from None
+    if hasattr(jax, "enable_x64"):
+        return jax, jax.enable_x64
+    from jax.experimental import enable_x64  # of JAX before 0.8
 
-    jacobian = jax.jit(jax.jacfwd(lambda t, x, y: jnp.atleast_1d(jnp.asarray(function(t, x, y))), argnums=(1, 2)))
+    return jax, enable_x64
+
+
+def _in_double(name: str, function: Function) -> Function:
+    """A function written for JAX, whose values are float64."""
+    jax, enable_x64 = _jax(name)
+    compiled = jax.jit(lambda t, x, y: jax.numpy.atleast_1d(jax.numpy.asarray(function(t, x, y))))
+
+    def values(t: float, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        with enable_x64(True):
+            return np.asarray(compiled(t, x, y), float)
+
+    return values
+
+
+def _by_jax(name: str, function: Function) -> Function:
+    jax, enable_x64 = _jax(name)
+    jacobian = jax.jit(
+        jax.jacfwd(lambda t, x, y: jax.numpy.atleast_1d(jax.numpy.asarray(function(t, x, y))), argnums=(1, 2))
+    )
 
     def both(t: float, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        with enable_x64():
+        with enable_x64(True):
             by_x, by_y = jacobian(t, x, y)
         return np.ascontiguousarray(by_x, float), np.ascontiguousarray(by_y, float)
 

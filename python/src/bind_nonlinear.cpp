@@ -108,6 +108,12 @@ NonlinearMethod method_of(const std::string& word) {
   throw Error("method", "\"" + word + "\" is not known", "use auto, march, iteration, newton or pointwise");
 }
 
+Method inner_of(const std::string& word) {
+  for (const Method m : {Method::automatic, Method::march, Method::contour, Method::multigrid})
+    if (word == to_string(m)) return m;
+  throw Error("inner", "found '" + word + "'", "use auto, march, contour or multigrid");
+}
+
 std::shared_ptr<NonlinearAnswer> solve_one(const std::shared_ptr<const Model>& model, nb::object phi, nb::object gamma,
                                            nb::object dphi, nb::object dgamma,
                                            const std::shared_ptr<const NonlinearTerms>& terms, bool of_trace,
@@ -127,7 +133,7 @@ std::shared_ptr<NonlinearAnswer> solve_one(const std::shared_ptr<const Model>& m
   }
   NonlinearOptions options;
   options.method = method_of(method);
-  options.inner = method_from_string(inner);
+  options.inner = inner_of(inner);
   options.steps = steps;
   options.error = tol;
   if (max_steps > 0) options.max_steps = max_steps;

@@ -1,5 +1,6 @@
 """Nonlinear systems: against SciPy with events, and what is said of bad input."""
 
+import sys
 import warnings
 
 import numpy as np
@@ -75,6 +76,37 @@ def test_derivatives_by_jax():
         **SCENE, phi=lambda t, x, y: jnp.array([0 * x[0], -x[0] ** 3]), steps=40, dphi="jax"
     )
     np.testing.assert_allclose(jax.x, given.x, atol=1e-11)
+
+
+@pytest.mark.parametrize(
+    "arguments, words",
+    [
+        (dict(phi=lambda t, x, y: [[0, 1]]), "phi: returns an array of shape (1, 2); return one number for each row, in a list"),
+        (dict(phi=lambda t, x, y: "a"), "phi: returns 'a'; return real numbers"),
+        (dict(phi=lambda t, x, y: None), "phi: returns None; return real numbers"),
+        (dict(phi=lambda t, x, y: np.array([0, 1j])), "phi: returns array([0.+0.j, 0.+1.j]); return real numbers"),
+        (dict(phi=spring, dphi=lambda t, x, y: np.zeros((2, 2))), "dphi: returns array"),
+        (dict(phi=spring, dphi=lambda t, x, y: (1, 2, 3)), "dphi: returns (1, 2, 3); return two arrays, by x and by y"),
+        (dict(phi=spring, dphi=lambda t, x, y: (np.zeros((2, 3)), np.zeros((2, 1)))), "dphi: returns a 2 x 3 matrix; return 2 x 2"),
+        (dict(phi=spring, dphi=lambda t, x, y: (np.zeros((2, 2)), np.zeros((1, 2)))), "dphi: returns a 1 x 2 matrix; return 2 x 1"),
+        (dict(gamma=lambda t, x, y: 0 * y, dphi=lambda t, x, y: (0, 0)), "dphi: is given without phi; give both, or none"),
+        (dict(phi=spring, inner="events"), "inner: found 'events'; use auto, march, contour or multigrid"),
+        (dict(phi=spring, tol=-1), "tol: is -1; give a positive number, or None"),
+        (dict(phi=spring, iteration_tol=float("nan")), "iteration_tol: is nan; give a number between 0 and 1, or None"),
+        (dict(phi=spring, max_steps=-1), "max_steps: is -1; give a positive number, or None"),
+        (dict(phi=spring, tol=1e-3, steps=100, max_steps=50), "max_steps: found 50; give 100 or more"),
+    ],
+)
+def test_bad_input_has_one_line(arguments, words):
+    with pytest.raises(bromwich.Error) as error:
+        bromwich.solve_nonlinear(**{**SCENE, "steps": 10, **arguments})
+    assert str(error.value).startswith(words) and "\n" not in str(error.value)
+
+
+def test_jax_that_is_not_installed(monkeypatch):
+    monkeypatch.setitem(sys.modules, "jax", None)
+    with pytest.raises(bromwich.Error, match="dphi: .* needs the package jax"):
+        bromwich.solve_nonlinear(**SCENE, phi=spring, steps=10, dphi="jax")
 
 
 def test_bad_input_and_failure():

@@ -123,6 +123,31 @@ TEST(NonlinearFiles, LinearScenesWithKinksStayTheSame) {
   EXPECT_LE((same.y - linear.y).cwiseAbs().maxCoeff(), apart);
 }
 
+// Scenes of every kind of y, continuous or not, with a phi that is 0: the engine of linear scenes does all of it.
+TEST(NonlinearFiles, LinearScenesAreSolvedAsTheirEngineDoes) {
+  if (!scene_files_available()) GTEST_SKIP();
+  for (const std::string name : {"rlcd", "diode-bridge", "nearly-singular", "resonant-converter", "stiff", "boost"}) {
+    std::ifstream in(fs::path(BROMWICH_EXAMPLES) / (name + ".toml"));
+    const std::string text{std::istreambuf_iterator<char>(in), {}};
+    const Scene scene = parse_scene(text, "linear.toml").scene;
+    std::string phi = "\"0*x0\"";
+    for (Index i = 1; i < scene.states(); ++i) phi += ", 0";
+    const NonlinearFile file = parse_nonlinear(text + "\n[nonlinear]\nphi = [" + phi + "]\n", "zero.toml");
+    const auto backend = make_cpu_backend();
+    Options options;
+    options.method = Method::march;
+    options.states = StateSelection::all;
+    options.steps = 200;
+    const Result linear = solve(scene, *backend, options);
+    const NonlinearResult same = march(file, 200);
+    ASSERT_EQ(same.status, linear.status) << name << same.reason;
+    EXPECT_EQ(same.continuous, linear.continuous) << name;
+    EXPECT_LE((same.x - linear.x).cwiseAbs().maxCoeff(), 1e-12 * linear.x.cwiseAbs().maxCoeff()) << name;
+    EXPECT_LE((same.y - linear.y).cwiseAbs().maxCoeff(), 1e-12 * linear.y.cwiseAbs().maxCoeff()) << name;
+    EXPECT_LE(same.residual, 1e-8) << name;
+  }
+}
+
 const std::string spring =
     "[dynamics]\nA = [[0, 1], [-1, -0.2]]\nB = [[0], [1]]\nx0 = [0.3, 0]\n[complementarity]\nN = [[1, 0]]\nM = "
     "[[0.2]]\n"
