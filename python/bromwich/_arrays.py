@@ -40,6 +40,43 @@ def is_sparse(a: Any) -> bool:
     return hasattr(a, "tocsc") and hasattr(a, "nnz")
 
 
+def number(value: Any, name: str) -> float:
+    """A real number, as a float; NaN and infinity are left to who knows what they mean."""
+    try:
+        if isinstance(value, (str, bytes)):
+            raise TypeError
+        return float(value)
+    except (TypeError, ValueError, OverflowError):
+        raise Error(f"{name}: found {_shortly(value)}; give a number", name) from None
+
+
+def whole(value: Any, name: str) -> int:
+    """A whole number that 64 bits hold."""
+    found = number(value, name)
+    if not (found.is_integer() and abs(found) < 2.0**63):
+        raise Error(f"{name}: found {_shortly(value)}; give a whole number", name)
+    return int(value)
+
+
+def listed(values: Any, name: str) -> list[Any]:
+    """What a loop over it gives."""
+    try:
+        return list(values)
+    except TypeError:
+        raise Error(f"{name}: found {_shortly(values)}; give a list", name) from None
+
+
+def word(value: Any, name: str) -> str:
+    if not isinstance(value, str) or not value.isprintable():
+        raise Error(f"{name}: found {_shortly(value)}; give a word in quotes", name)
+    return value
+
+
+def _shortly(value: Any) -> str:
+    words = " ".join(repr(value).split())
+    return words if len(words) <= 60 else words[:57] + "..."
+
+
 # Of DLPack: the processor, and memory of devices that the processor can read.
 READABLE = frozenset({1, 3, 11, 13})
 CUDA = 2
@@ -63,7 +100,7 @@ def on_host(a: Any, name: str) -> np.ndarray:
         return np.ascontiguousarray(array, dtype=np.float64) if array.ndim else array.astype(np.float64)
     except Error:
         raise
-    except (TypeError, ValueError, RuntimeError, BufferError) as error:  # what libraries say of arrays that they keep
+    except (TypeError, ValueError, OverflowError, RuntimeError, BufferError) as error:  # what libraries say of theirs
         raise Error(f"{name}: is no array of numbers ({error}); give nested lists or an array", name) from error
 
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable
 from typing import Any, Literal
 
 from . import _core
-from ._arrays import filled
+from ._arrays import filled, listed, number, whole, word
 from ._errors import Error, Interrupted, NotSolved, NotSolvedWarning
 from ._progress import reporting
 from ._result import Result, Status
@@ -17,6 +17,7 @@ from ._words import suggestion
 
 # States are recorded by default where there are no more.
 RECORDED_STATES = 1000
+MOST_THREADS = 2**20
 
 OPTIONS = frozenset(
     "method steps tol tol_x tol_y atol max_steps max_seconds iteration_tol max_iterations states memory_limit "
@@ -116,8 +117,9 @@ def solve(
         memory_limit=memory_limit,
         event_location=event_location,
     )
+    _may_be_called(stop)
     with reporting(progress, options.iteration_tolerance) as report:
-        answer = _core.solve(scene._model, options, backend, int(threads), report, stop)
+        answer = _core.solve(scene._model, options, word(backend, "backend"), _threads(threads), report, stop)
     return _checked(answer, scene, check, stop)
 
 
@@ -148,7 +150,7 @@ class Solver:
         self._scene = scene
         made = _options(scene, **options)
         self._iteration_tolerance = made.iteration_tolerance
-        self._prepared = _core.Prepared(scene._model, made, backend, int(threads))
+        self._prepared = _core.Prepared(scene._model, made, word(backend, "backend"), _threads(threads))
 
     @property
     def scene(self) -> Scene:
@@ -169,15 +171,27 @@ class Solver:
         A solver keeps the values of sources. Where a function has changed in itself, hand it over again.
         """
         parts = self._scene._sources(on_this_host(f, "f"), on_this_host(g, "g"))
-        self._prepared.set_sources(*parts, sorted(float(t) for t in breakpoints))
+        self._prepared.set_sources(*parts, sorted(number(t, "breakpoints") for t in listed(breakpoints, "breakpoints")))
 
     def solve(
         self, *, progress: Progress | bool | None = None, stop: Callable[[], bool] | None = None, check: Check = "warn"
     ) -> Result:
         """As :func:`bromwich.solve`, with the scene as it is now."""
+        _may_be_called(stop)
         with reporting(progress, self._iteration_tolerance) as report:
             answer = self._prepared.solve(report, stop)
         return _checked(answer, self._scene, check, stop)
+
+
+def _threads(threads: Any) -> int:
+    if not 0 <= whole(threads, "threads") <= MOST_THREADS:
+        raise Error(f"threads: found {threads}; give 0 for all cores, or a number up to {MOST_THREADS}", "threads")
+    return int(threads)
+
+
+def _may_be_called(stop: Any) -> None:
+    if stop is not None and not callable(stop):
+        raise Error(f"stop: is a {type(stop).__name__}; give a function without arguments", "stop")
 
 
 def _known(arguments: dict[str, Any]) -> None:
@@ -206,37 +220,35 @@ def _options(
     event_location: bool = False,
 ) -> _core.Options:
     o = _core.Options()
+    word(method, "method")
     try:
         o.method = method
     except Error as error:  # "method: found 'mach'; use one of auto, march"
         found, known = str(error).split("; use one of ")
         raise Error(f"{found}{suggestion(method, known.split(', '))}; use one of {known}", "method") from None
     o.trace = True
-    o.event_location = event_location
+    o.event_location = bool(event_location)
     if steps is not None:
-        if int(steps) < 1 or int(steps) != steps:
-            raise Error(f"steps: found {steps}; give a whole number from 1 on", "steps")
-        o.steps = int(steps)
-    tolerances = [t for t in (tol, tol_x, tol_y) if t is not None and t > 0]
+        o.steps = whole(steps, "steps")
+        if o.steps < 1:
+            raise Error(f"steps: found {o.steps}; give a whole number from 1 on", "steps")
+    given = [number(t, name) for t, name in ((tol, "tol"), (tol_x, "tol_x"), (tol_y, "tol_y")) if t is not None]
+    tolerances = [t for t in given if t > 0]
     if tolerances:
         o.iteration_tolerance = max(1e-3 * min(tolerances), o.iteration_tolerance)
-    for attribute, value in (
-        ("tolerance", tol),
-        ("tolerance_x", tol_x),
-        ("tolerance_y", tol_y),
-        ("absolute_tolerance", atol),
-        ("max_steps", max_steps),
-        ("max_seconds", max_seconds),
-        ("iteration_tolerance", iteration_tol),
-        ("max_iterations", max_iterations),
-        ("memory_limit", memory_limit),
+    for attribute, name, value in (
+        ("tolerance", "tol", tol),
+        ("tolerance_x", "tol_x", tol_x),
+        ("tolerance_y", "tol_y", tol_y),
+        ("absolute_tolerance", "atol", atol),
+        ("max_steps", "max_steps", max_steps),
+        ("max_seconds", "max_seconds", max_seconds),
+        ("iteration_tolerance", "iteration_tol", iteration_tol),
+        ("max_iterations", "max_iterations", max_iterations),
+        ("memory_limit", "memory_limit", memory_limit),
     ):
         if value is not None:
-            setattr(
-                o,
-                attribute,
-                int(value) if attribute.startswith("max_") and attribute != "max_seconds" else float(value),
-            )
+            setattr(o, attribute, (whole if attribute in ("max_steps", "max_iterations") else number)(value, name))
     _select_states(o, scene, states)
     return o
 
@@ -248,7 +260,7 @@ def _select_states(o: _core.Options, scene: Scene, states: str | Iterable[int] |
         if states == "all" or (states == "auto" and scene.states <= RECORDED_STATES):
             o.record_all_states()
     elif states is not None:
-        components = [int(i) for i in states]
+        components = [whole(i, "states") for i in listed(states, "states")]
         if components:
             o.record_states(components)
 
