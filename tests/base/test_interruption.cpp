@@ -63,5 +63,22 @@ TEST(Interruption, EndsTheResponsesOfPieces) {
   EXPECT_EQ(result.status, Status::interrupted);
 }
 
+// 1e8 radians a step: method galerkin halves its intervals to the last.
+TEST(Interruption, EndsTheSplittingOfIntervals) {
+  const auto backend = make_cpu_backend(1);
+  long calls = 0;
+  Scene scene = counting(calls);
+  scene.f = [&calls](double t, Eigen::Ref<Vector> value) {
+    ++calls;
+    value.setConstant(std::sin(1e10 * t));
+  };
+  Options options;
+  options.method = Method::galerkin;
+  options.steps = 100;
+  options.interrupted = [&calls] { return calls > 20'000; };
+  EXPECT_EQ(solve(scene, *backend, options).status, Status::interrupted);
+  EXPECT_LT(calls, 40'000);
+}
+
 }  // namespace
 }  // namespace bromwich
