@@ -64,7 +64,7 @@ JetValues Successor::sources_at(const SwitchedMode& mode, const EventPoint& p) c
 bool Successor::is_limit_of_short_steps(const EventPoint& p, const Vector& impulse) const {
   const Vector offset = touching(p, false), moved = system_.B * impulse;
   const double size = moved.cwiseAbs().maxCoeff(), noise = 100 * steps_.noise() * p.x.cwiseAbs().maxCoeff();
-  for (const double share : {1e-8, 1e-6, 1e-4}) {
+  for (const double share : {1e-8, 1e-6, 1e-4, 1e-3, 1e-2}) {
     const double h = std::min(share / short_steps_.rate(), 0.5 * (p.end - p.t));
     const ShortSteps::Step step = short_steps_.take(p.t, h, p.x, offset);
     const ShortSteps::Step half = short_steps_.take(p.t, h / 2, p.x, offset);

@@ -1,5 +1,6 @@
 #include "core/galerkin/sources.hpp"
 
+#include "core/base/interruption.hpp"
 #include "core/numerics/matrix_phi.hpp"
 #include "core/numerics/phi.hpp"
 
@@ -124,6 +125,7 @@ bool GalerkinSources::breaks(double t, double h) const {
 }
 
 void GalerkinSources::split(double t, double h, double begin, double end, int depth, std::vector<SourcePart>& parts) {
+  check_interruption();
   const double from = t + begin * h, length = (end - begin) * h;
   if (depth < most_halvings && !well_resolved(from, length, sample(from, length))) {
     const double middle = (begin + end) / 2;

@@ -1,5 +1,6 @@
 #include "core/kernel/discretise.hpp"
 
+#include "core/base/interruption.hpp"
 #include "core/kernel/rough_response.hpp"
 #include "core/numerics/step_propagator.hpp"
 
@@ -17,10 +18,12 @@ std::shared_ptr<const StepDefects> defects_of_f(const DiscreteProblem& p) {
   StepPropagator propagator(d.A, p.h);
   auto defects = std::make_shared<StepDefects>();
   defects->values.resize(Index(p.sources->rough.size()), F.rows());
+  Polling poll;
   for (const RoughStep& rough : p.sources->rough) {
     const std::vector<Matrix> pieces = beyond_linear(p, rough);
     Matrix x = Matrix::Zero(F.rows(), 1);
     for (std::size_t i = 0; i < pieces.size(); ++i) {
+      poll();
       const Matrix e = F * pieces[i];
       propagator.advance(rough.pieces[i].length, {e.col(0), e.col(1), e.col(2)}, x);
     }

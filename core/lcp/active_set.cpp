@@ -15,11 +15,15 @@ namespace {
 // For a larger ratio of row to pivot the update would lose six digits: M_SS is factorized instead.
 constexpr double safe_growth = 1e6;
 
-// Solutions are refined if entries of P(S) exceed this; those of M are about 1.
-constexpr double safe_inverse = 1e3;
+// Solutions are refined if entries of P(S) exceed this, or did since P(S) was computed from M; those of M are about 1.
+// Below, an exchange there and one back leave errors of eps times the square.
+constexpr double safe_inverse = 1e2;
 
 // Exchanges before the transform is computed again: its rounding errors grow with their number.
 constexpr int most_updates = 100;
+
+// A transform with larger entries is not carried on to the next set: that is computed from M.
+constexpr double carried_on = 1e3;
 
 // The hash of a set is the sum of the hashes of its members (the finalizer of splitmix64).
 std::uint64_t hash(Index i) {
@@ -109,8 +113,12 @@ void ActiveSetLcp::refine() {
   value_(support_) = y;
 }
 
-// Whether the transform belongs to an ill-conditioned M_SS.
-void ActiveSetLcp::look_at_transform() { amplifies_ = P_.size() > 0 && P_.cwiseAbs().maxCoeff() > safe_inverse; }
+// Whether the transform belongs to an ill-conditioned M_SS, or was made from one that did.
+void ActiveSetLcp::look_at_transform() {
+  const double largest = P_.size() > 0 ? P_.cwiseAbs().maxCoeff() : 0;
+  amplifies_ = (updates_ > 0 && amplifies_) || largest > safe_inverse;
+  if (largest > carried_on) updates_ = most_updates + 1;
+}
 
 // Exchanges the indices in flips_ and sorts all indices into support_ (active) and rest_.
 void ActiveSetLcp::flip_active_set() {
@@ -169,7 +177,7 @@ bool ActiveSetLcp::form_transform() {
 // After many updates (rounding accumulates), or if many indices change, the transform is computed from M. The same if
 // the previous set has no transform because its M_SS is singular; the next one may be regular.
 bool ActiveSetLcp::exchange_flips() {
-  if (flips_.size() <= 4 + std::size_t(M_.rows()) / 8 && updates_ <= most_updates && (transform_ || form_transform()) &&
+  if (flips_.size() <= 4 + std::size_t(M_.rows()) / 8 && (transform_ || form_transform()) && updates_ <= most_updates &&
       pivot_on_flips(safe_growth))
     return true;
   flip_active_set();

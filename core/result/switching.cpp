@@ -46,7 +46,7 @@ std::vector<Switch> switches(const Result& result, double negligible) {
   while (rows < y.rows() && (rows == 0 || y.row(rows).allFinite())) ++rows;
   const Index first = rows > 0 && y.row(0).allFinite() ? 0 : 1;
   std::vector<Switch> found;
-  if (rows - first < 2) return found;
+  if (rows - first < 2 || y.cols() == 0) return found;
   const double zero = negligible * y.middleRows(first, rows - first).cwiseAbs().maxCoeff();
   for (Index j = first; j + 1 < rows; ++j) {
     // On a grid with different step sizes only the step is reported.

@@ -26,6 +26,8 @@ constexpr std::size_t most_sudden = 16;    ///< such steps that are looked at
 constexpr Index most_declared_parts = 64;  ///< of a step; more breakpoints than that fall into equal parts
 constexpr Index most_numbers = 16000000;   ///< that pieces of f may hold
 constexpr Index most_leaves = 2048;        ///< of a step, for each source
+constexpr Index most_in_vain = 16;         ///< steps that so many leaves do not resolve; later ones get fewer,
+constexpr Index fewer_leaves = 128;        ///< enough for a jump
 constexpr std::array<double, 3> gauss{0.1127016653792583, 0.5, 0.8872983346207417};
 constexpr std::array<double, 2> inside{0.3819660112501051, 0.7320508075688772};  ///< irregular places of checks
 constexpr std::array<double, 4> between_gauss{0, 0.2928932188134525, 0.7071067811865476, 1};
@@ -242,7 +244,7 @@ class Inspection {
       ends.erase(std::unique(ends.begin(), ends.end()), ends.end());
       fit(t_[j - 1], ends, step);
     }
-    if (missed_ > 0) ++found_.unresolved;
+    if (missed_ > 0 && ++found_.unresolved >= most_in_vain) allowed_ = fewer_leaves;
     note(missed_, t_[j - 1]);
     found_.rough.push_back(std::move(step));
   }
@@ -295,7 +297,7 @@ class Inspection {
     if (apart > strong_disagreement) found_.disagreement_of_g = std::max(found_.disagreement_of_g, apart);
     const bool jump = b - a <= std::max(smallest_part * h_, 8 * resolution_);
     if (jump && apart > linear_enough) found_.jumps_of_g = true;
-    if (!(apart > linear_enough) || jump || leaves_ >= most_leaves || budget_ <= 0) {
+    if (!(apart > linear_enough) || jump || leaves_ >= allowed_ || budget_ <= 0) {
       if (apart > strong_disagreement && !jump) missed_ = std::max(missed_, apart);
       if (depth > 0 && !jump) note(apart, a);  // grids of J and 2J steps share such parts
       add_part(a, b, ends);
@@ -341,8 +343,8 @@ class Inspection {
     ++leaves_;
     --budget_;
     const bool jump = d <= std::max(smallest_part * h_, 8 * resolution_);
-    if (!(apart > std::min(std::ldexp(polynomial_enough, 2 * depth), most_polynomial)) || jump ||
-        leaves_ >= most_leaves || budget_ <= 0) {
+    if (!(apart > std::min(std::ldexp(polynomial_enough, 2 * depth), most_polynomial)) || jump || leaves_ >= allowed_ ||
+        budget_ <= 0) {
       if (apart > strong_disagreement && !jump) missed_ = std::max(missed_, apart);
       if (depth >= many_pieces && !jump) note(mean_of_piece * apart, a);
       pieces.push_back(std::move(piece));
@@ -356,7 +358,7 @@ class Inspection {
   Index J_;
   double h_, resolution_;
   Inspected f_, g_;
-  Index budget_, leaves_ = 0;
+  Index budget_, leaves_ = 0, allowed_ = most_leaves;
   SourceSteps found_;
   std::vector<double> inner_;  ///< breakpoints inside steps
   std::vector<bool> rough_;    ///< by step, empty where none is

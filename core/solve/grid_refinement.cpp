@@ -114,8 +114,10 @@ Result GridRefinement::refine() {
 std::string GridRefinement::spent(Index J) const {
   if (J > options_.max_steps)
     return text("more than %ld steps would be needed (--max-steps allows more)", long(options_.max_steps));
+  if (options_.max_seconds > 0 && elapsed_ >= options_.max_seconds)
+    return text("%.2g s are spent, of %.2g s that --max-seconds allows", elapsed_, options_.max_seconds);
   if (options_.max_seconds > 0 && elapsed_ + 2 * last_seconds_ > options_.max_seconds)
-    return text("%ld steps would take about %.2g s, and %.2g of %.2g s are spent (--max-seconds)", long(J),
+    return text("%ld steps would take about %.2g s, and %.2g of %.2g s are spent (--max-seconds allows more)", long(J),
                 2 * last_seconds_, elapsed_, options_.max_seconds);
   return "";
 }

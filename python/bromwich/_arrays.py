@@ -41,21 +41,46 @@ def is_sparse(a: Any) -> bool:
 
 
 def number(value: Any, name: str) -> float:
-    """A number, not a text that looks like one."""
+    """A real number, as a float; NaN and infinity are left to who knows what they mean."""
     try:
         if isinstance(value, (str, bytes)):
             raise TypeError
         return float(value)
-    except (TypeError, ValueError):
-        raise Error(f"{name}: found {value!r}; give a number", name) from None
+    except (TypeError, ValueError, OverflowError):
+        raise Error(f"{name}: found {_shortly(value)}; give a number", name) from None
+
+
+def whole(value: Any, name: str, least: int | None = None) -> int:
+    """A whole number that 64 bits hold; 1e6 is one."""
+    found = number(value, name)
+    if not (found.is_integer() and abs(found) < 2.0**63 and (least is None or found >= least)):
+        kind = "a whole number" if least is None else f"a whole number from {least} on"
+        raise Error(f"{name}: found {_shortly(value)}; give {kind}", name)
+    return int(value)
 
 
 def whole_number(value: Any, name: str) -> int:
-    """1, 2, ...; 1e6 is one."""
-    found = number(value, name)
-    if not (1 <= found < 2**63 and found == int(found)):
-        raise Error(f"{name}: found {value!r}; give a whole number from 1 on", name)
-    return int(found)
+    """1, 2, ..."""
+    return whole(value, name, 1)
+
+
+def listed(values: Any, name: str) -> list[Any]:
+    """What a loop over it gives."""
+    try:
+        return list(values)
+    except TypeError:
+        raise Error(f"{name}: found {_shortly(values)}; give a list", name) from None
+
+
+def word(value: Any, name: str) -> str:
+    if not isinstance(value, str) or not value.isprintable():
+        raise Error(f"{name}: found {_shortly(value)}; give a word in quotes", name)
+    return value
+
+
+def _shortly(value: Any) -> str:
+    words = " ".join(repr(value).split())
+    return words if len(words) <= 60 else words[:57] + "..."
 
 
 # Of DLPack: the processor, and memory of devices that the processor can read.
@@ -81,7 +106,7 @@ def on_host(a: Any, name: str) -> np.ndarray:
         return np.ascontiguousarray(array, dtype=np.float64) if array.ndim else array.astype(np.float64)
     except Error:
         raise
-    except (TypeError, ValueError, RuntimeError, BufferError) as error:  # what libraries say of arrays that they keep
+    except (TypeError, ValueError, OverflowError, RuntimeError, BufferError) as error:  # what libraries say of theirs
         raise Error(f"{name}: is no array of numbers ({error}); give nested lists or an array", name) from error
 
 

@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from typing import Any, TextIO
 
 from . import _core
+from ._errors import Error
 
 QUIET = 1.0  # seconds: no line for what is over by then
 PAUSE = 0.1  # between two lines
@@ -92,6 +93,8 @@ def reporting(progress: Any, tolerance: float) -> Iterator[Any]:
         yield None
         return
     if progress is not True:
+        if not callable(progress):
+            raise Error(f"progress: is a {type(progress).__name__}; give True, or a function of (done, total, change)", "progress")
         yield progress
         return
     show = _in_notebook() or (_on_terminal(sys.stderr) if sys.stderr is not None and sys.stderr.isatty() else None)

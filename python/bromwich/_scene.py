@@ -11,7 +11,20 @@ from typing import Any
 import numpy as np
 
 from . import _core
-from ._arrays import Tridiagonal, compressed, filled, is_sparse, lcp_matrix, matrix, number, vector, whole_number
+from ._arrays import (
+    Tridiagonal,
+    compressed,
+    filled,
+    is_sparse,
+    lcp_matrix,
+    listed,
+    matrix,
+    number,
+    vector,
+    whole,
+    whole_number,
+    word,
+)
 from ._dynamics import Dynamics, Kronecker
 from ._errors import Error
 from ._labels import names_of, units_of
@@ -93,13 +106,13 @@ class Scene:
         if T is None:
             raise Error("T: is missing; give the final time", "T")
         model = _core.Model.empty()
-        model.name, model.T = name, number(T, "T")
+        model.name, model.T = word(name, "name"), number(T, "T")
         in_sine_modes = isinstance(dynamics, Kronecker) and dynamics.in_sine_modes
         single_states = not isinstance(F, str) and (F is not None or (f is not None and not in_sine_modes))
         _set_dynamics(model, A, B, N, E, dynamics, single_states)
         _set_lcp(model, M)
-        model.set_lcp_class(lcp_class)
-        model.free_rows = [int(i) for i in free]
+        model.set_lcp_class(word(lcp_class, "lcp_class"))
+        model.free_rows = [whole(i, "free") for i in listed(free, "free")]
         _set_conditions(model, x0, E0, ET, b)
         if not (model.T > 0 and np.isfinite(model.T)):
             raise Error(f"T: is {model.T:g}; give a positive finite number", "T")
@@ -111,7 +124,7 @@ class Scene:
         parts = self._sources(f, g)
         tables = [steps_of(f, model.sources), steps_of(g, model.constraints)]
         model.steps = whole_number(steps, "steps") if steps is not None else max(tables) or 400
-        model.set_sources(*parts, sorted(float(t) for t in breakpoints))
+        model.set_sources(*parts, sorted(number(t, "breakpoints") for t in listed(breakpoints, "breakpoints")))
         model.validate()
         self._facts: dict[str, Any] = {"names": names_of(model, names), "units": units_of(model, units)}
         self._recipe: tuple | None = None

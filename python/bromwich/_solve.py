@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable
 from typing import Any, Literal
 
 from . import _core
-from ._arrays import filled, number, whole_number
+from ._arrays import filled, listed, number, whole, whole_number, word
 from ._errors import Error, Interrupted, NotSolved, NotSolvedWarning
 from ._progress import reporting
 from ._ranks import Ranks, ranks_of
@@ -20,6 +20,7 @@ from ._words import suggestion
 
 # States are recorded by default where there are no more.
 RECORDED_STATES = 1000
+MOST_THREADS = 2**20
 
 OPTIONS = frozenset(
     "method steps tol tol_x tol_y atol max_steps max_seconds iteration_tol max_iterations states memory_limit "
@@ -124,9 +125,9 @@ def solve(
         memory_limit=memory_limit,
         event_location=event_location,
     )
-    threads, wrapped = _of_rank(shared, int(threads))
+    threads, wrapped = _of_rank(shared, _threads(threads))
     with reporting(progress if _speaks(shared) else None, options.iteration_tolerance) as report:
-        answer = _core.solve(scene._model, options, backend, threads, report, stop, wrapped)
+        answer = _core.solve(scene._model, options, word(backend, "backend"), threads, report, stop, wrapped)
     return _checked(answer, scene, check if _speaks(shared) or check is True else False, stop)
 
 
@@ -169,8 +170,8 @@ class Solver:
         made = _options(scene, **options)
         self._iteration_tolerance = made.iteration_tolerance
         self._ranks = ranks_of(ranks, None)
-        threads, wrapped = _of_rank(self._ranks, int(threads))
-        self._prepared = _core.Prepared(scene._model, made, backend, threads, wrapped)
+        threads, wrapped = _of_rank(self._ranks, _threads(threads))
+        self._prepared = _core.Prepared(scene._model, made, word(backend, "backend"), threads, wrapped)
 
     @property
     def scene(self) -> Scene:
@@ -191,7 +192,7 @@ class Solver:
         A solver keeps the values of sources. Where a function has changed in itself, hand it over again.
         """
         parts = self._scene._sources(on_this_host(f, "f"), on_this_host(g, "g"))
-        self._prepared.set_sources(*parts, sorted(float(t) for t in breakpoints))
+        self._prepared.set_sources(*parts, sorted(number(t, "breakpoints") for t in listed(breakpoints, "breakpoints")))
 
     def solve(
         self, *, progress: Progress | bool | None = None, stop: Callable[[], bool] | None = None, check: Check = "warn"
@@ -203,6 +204,12 @@ class Solver:
         with reporting(progress if _speaks(self._ranks) else None, self._iteration_tolerance) as report:
             answer = self._prepared.solve(report, stop)
         return _checked(answer, self._scene, check if _speaks(self._ranks) or check is True else False, stop)
+
+
+def _threads(threads: Any) -> int:
+    if not 0 <= whole(threads, "threads") <= MOST_THREADS:
+        raise Error(f"threads: found {threads}; give 0 for all cores, or a number up to {MOST_THREADS}", "threads")
+    return int(threads)
 
 
 def _known(arguments: dict[str, Any]) -> None:
@@ -231,13 +238,14 @@ def _options(
     event_location: bool = False,
 ) -> _core.Options:
     o = _core.Options()
+    word(method, "method")
     try:
         o.method = method
     except Error as error:  # "method: found 'mach'; use one of auto, march"
         found, known = str(error).split("; use one of ")
         raise Error(f"{found}{suggestion(method, known.split(', '))}; use one of {known}", "method") from None
     o.trace = True
-    o.event_location = event_location
+    o.event_location = bool(event_location)
     tolerances = [_tolerance(t, name) for t, name in ((tol, "tol"), (tol_x, "tol_x"), (tol_y, "tol_y")) if t is not None]
     if tolerances:
         o.iteration_tolerance = max(1e-3 * min(tolerances), o.iteration_tolerance)
@@ -298,7 +306,7 @@ def _components(states: Any, names: list[str]) -> list[int]:
 
 def judgement(check: Any, progress: Any, stop: Any) -> None:
     """Refuses what cannot be meant, before a solve."""
-    if check not in (True, False, "warn"):
+    if not isinstance(check, (bool, str)) or check not in (True, False, "warn"):
         raise Error(f"check: found {check!r}; use 'warn', True to raise NotSolved, or False", "check")
     if not (progress is None or isinstance(progress, bool) or callable(progress)):
         raise Error(f"progress: found {progress!r}; give True or a function of (done, total, change)", "progress")

@@ -6,6 +6,8 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 namespace bromwich {
 namespace {
 
@@ -37,6 +39,45 @@ TEST(Interruption, EndsTheSetUp) {
     EXPECT_EQ(result.y.rows(), options.steps + 1);
     EXPECT_FALSE(result.y.array().isFinite().any());
   }
+}
+
+// f is in many pieces, whose responses are computed without further values of it: a request to stop that comes then.
+TEST(Interruption, EndsTheResponsesOfPieces) {
+  const auto backend = make_cpu_backend(1);
+  long calls = 0, before = -1;
+  bool stands = false;
+  Scene scene = counting(calls);
+  scene.f = [&calls](double t, Eigen::Ref<Vector> value) {
+    ++calls;
+    value.setConstant(std::sin(1e4 * t));
+  };
+  Options options;
+  options.method = Method::march;
+  options.steps = 16;  // no method asks before 64 steps
+  options.interrupted = [&] {
+    stands |= calls == before;
+    before = calls;
+    return stands;
+  };
+  const Result result = solve(scene, *backend, options);
+  EXPECT_EQ(result.status, Status::interrupted);
+}
+
+// 1e8 radians a step: method galerkin halves its intervals to the last.
+TEST(Interruption, EndsTheSplittingOfIntervals) {
+  const auto backend = make_cpu_backend(1);
+  long calls = 0;
+  Scene scene = counting(calls);
+  scene.f = [&calls](double t, Eigen::Ref<Vector> value) {
+    ++calls;
+    value.setConstant(std::sin(1e10 * t));
+  };
+  Options options;
+  options.method = Method::galerkin;
+  options.steps = 100;
+  options.interrupted = [&calls] { return calls > 20'000; };
+  EXPECT_EQ(solve(scene, *backend, options).status, Status::interrupted);
+  EXPECT_LT(calls, 40'000);
 }
 
 }  // namespace

@@ -143,6 +143,26 @@ TEST(ActiveSetLcp, WarmStartsOverSequences) {
   }
 }
 
+// Newton's method passes through nearly singular sets; what their transforms lose, later ones do not inherit.
+TEST(ActiveSetLcp, NearlySingularSetsCostNoDigitsLater) {
+  Random random(17);
+  for (int instance = 0; instance < 200; ++instance) {
+    const Index n = 2 + instance % 5;
+    const Matrix skew = random.matrix(n, n);
+    const Matrix M = skew - skew.transpose() + std::pow(10.0, -1 - instance % 7) * Matrix::Identity(n, n);
+    ActiveSetLcp solver(M, LcpClass::P);
+    for (int call = 0; call < 40; ++call) {
+      const Vector q = random.vector(n);
+      Vector y;
+      ASSERT_TRUE(solver.solve(q, y).solved) << instance << ' ' << call;
+      // Transforms with entries up to 100 are not refined: three exchanges of one lose eps 100^3 at most.
+      const Vector terms = M.cwiseAbs() * y + q.cwiseAbs();
+      EXPECT_LE(y.cwiseMin(M * y + q).cwiseAbs().maxCoeff(), 1e6 * epsilon * terms.maxCoeff())
+          << instance << ' ' << call;
+    }
+  }
+}
+
 TEST(ActiveSetLcp, LeastOfTwoSolutions) {
   const Vector q{{-1, 3}}, least{{1, 0}}, other{{5. / 3, 1. / 3}};
   ASSERT_LE((fold * other + q).cwiseAbs().maxCoeff(), 1e-15);

@@ -32,6 +32,14 @@ TEST(Switches, OfStraightLinesAreExact) {
   EXPECT_NEAR(found[1].t, 6.375, 1e-14);
 }
 
+TEST(Switches, AreNoneWithoutConstraints) {
+  Result r;
+  r.t = Vector::LinSpaced(5, 0, 1);
+  r.steps = 4;
+  r.y = RowMatrix(5, 0);
+  EXPECT_TRUE(switches(r).empty());
+}
+
 TEST(Switches, WhereOnlyTheStepIsKnownAreItsMiddle) {
   for (const std::vector<double>& y : {std::vector<double>{0, 0, 3, 0, 0}, {0, 0, 1, 1, 1}, {0, 0, 2, 1, 1}}) {
     const auto found = switches(rows_of(y, 0.5));

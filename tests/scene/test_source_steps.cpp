@@ -102,5 +102,21 @@ TEST(FastSources, ShortPulsesBesideFastOnesAreSeen) {
   }
 }
 
+// 1600 periods a step, which no division resolves: that is said, after a few steps were tried to the end.
+TEST(FastSources, WhatCannotBeResolvedIsGivenUpEarly) {
+  constexpr Index J = 400;
+  long calls = 0;
+  Scene scene = integrator();
+  scene.f = [&calls](double t, Eigen::Ref<Vector> value) {
+    ++calls;
+    value.setConstant(std::sin(4e6 * t));
+  };
+  const Result r = on_grid(scene, Method::march, J);
+  EXPECT_GT(r.unresolved_sources, 0.1);
+  EXPECT_NE(r.warning, "");
+  // At most 8 values for each leaf, 2048 leaves in 16 steps and 128 in the others; 60 looks into each step before.
+  EXPECT_LE(calls, 8 * (16 * 2048 + J * 128) + 60 * J);
+}
+
 }  // namespace
 }  // namespace bromwich

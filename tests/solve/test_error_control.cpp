@@ -147,6 +147,7 @@ TEST(ErrorControl, EndsWithItsBudget) {
     const Result by_time = run(scene, options);
     EXPECT_EQ(by_time.status, Status::tolerance_not_met);
     EXPECT_NE(by_time.reason.find("max-seconds"), std::string::npos) << by_time.reason;
+    EXPECT_EQ(by_time.reason.find("would take"), std::string::npos) << "no time was left: " << by_time.reason;
   }
 }
 

@@ -57,6 +57,23 @@ TEST(Trust, SmallYIsNotTakenForZero) {
   }
 }
 
+// Skew M and stiff A: short steps of implicit Euler lose their digits before the motion within them can be left out,
+// and an impulse is recognised by steps in between.
+TEST(Trust, ImpulsesOfStiffSkewScenesAreLocated) {
+  const auto backend = make_cpu_backend(1);
+  for (const std::uint32_t seed : {9047617u, 9026739u, 9051752u, 9006191u}) {
+    const SourceScene s = source_scene(seed);
+    const EventSolution truth = locate_events(s.base);
+    ASSERT_TRUE(truth.decided) << "seed " << seed;
+    Options options;
+    options.tolerance = tolerance;
+    options.states = StateSelection::all;
+    const Result r = solve(s.scene, *backend, options);
+    EXPECT_EQ(r.status, Status::solved) << "seed " << seed << ": " << r.reason;
+    EXPECT_LE(true_error(s, truth, r).largest(), tolerance) << "seed " << seed;
+  }
+}
+
 // Seeds with two constraints that repeat each other: rounding decides which of the two has y, and x does not feel it. x
 // alone is solved, with a warning; a tolerance for y is refused with this reason.
 TEST(Trust, YThatIsNotUniqueIsNamed) {
