@@ -14,7 +14,7 @@ from ._errors import Error, Interrupted, NotSolved, NotSolvedWarning
 from ._progress import reporting
 from ._result import Status
 from ._scene import Scene
-from ._solve import Check, Progress, _options
+from ._solve import Check, Progress, _options, host_threads
 
 
 class SharedArray:
@@ -132,7 +132,7 @@ class ArraySolver:
             states="none",
         )
         self._scene, self._iteration_tolerance = scene, options.iteration_tolerance
-        self._prepared = _core.PreparedArrays(scene._model, options, backend, int(threads))
+        self._prepared = _core.PreparedArrays(scene._model, options, backend, host_threads(threads))
 
     @property
     def device(self) -> tuple[int, int]:

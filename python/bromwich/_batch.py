@@ -16,7 +16,7 @@ from ._progress import reporting
 from ._ranks import DealtAnswer, Ranks, ranks_of
 from ._result import Status
 from ._scene import Scene
-from ._solve import Check, Progress, _options
+from ._solve import Check, Progress, _options, host_threads
 from ._sources import source
 
 MATRICES = ("A", "B", "N", "M", "E")
@@ -154,7 +154,7 @@ def solve_batch(
     )
     rows = [] if times is None else np.ravel(np.asarray(times, dtype=float)).tolist()
     data = (models, count, axes, x0, f, g) if shared is None else _share(shared, models, count, axes, x0, f, g)
-    threads = int(threads) if shared is None else shared.threads(int(threads))
+    threads = host_threads(threads) if shared is None else shared.threads(host_threads(threads))
     first_rank = shared is None or shared.rank == 0
 
     def own() -> _core.BatchAnswer:

@@ -12,7 +12,7 @@ from . import _core
 from ._errors import Error
 from ._result import Status, Switch
 from ._scene import Scene
-from ._solve import Check, judged, stated
+from ._solve import Check, host_threads, judged, stated
 
 Function = Callable[[float, np.ndarray, np.ndarray], Any]
 
@@ -157,7 +157,7 @@ def solve_nonlinear(
         int(_positive("max_steps", max_steps)),
         _positive("iteration_tol", iteration_tol, 1),
         backend,
-        int(threads),
+        host_threads(threads),
         stop,
     )
     return judged(NonlinearResult(answer), answer.by_keyboard, check, stop, 3)

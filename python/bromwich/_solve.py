@@ -125,7 +125,7 @@ def solve(
         memory_limit=memory_limit,
         event_location=event_location,
     )
-    threads, wrapped = _of_rank(shared, _threads(threads))
+    threads, wrapped = _of_rank(shared, host_threads(threads))
     with reporting(progress if _speaks(shared) else None, options.iteration_tolerance) as report:
         answer = _core.solve(scene._model, options, word(backend, "backend"), threads, report, stop, wrapped)
     return _checked(answer, scene, check if _speaks(shared) or check is True else False, stop)
@@ -170,7 +170,7 @@ class Solver:
         made = _options(scene, **options)
         self._iteration_tolerance = made.iteration_tolerance
         self._ranks = ranks_of(ranks, None)
-        threads, wrapped = _of_rank(self._ranks, _threads(threads))
+        threads, wrapped = _of_rank(self._ranks, host_threads(threads))
         self._prepared = _core.Prepared(scene._model, made, word(backend, "backend"), threads, wrapped)
 
     @property
@@ -206,7 +206,8 @@ class Solver:
         return _checked(answer, self._scene, check if _speaks(self._ranks) or check is True else False, stop)
 
 
-def _threads(threads: Any) -> int:
+def host_threads(threads: Any) -> int:
+    """A number of threads, 0 for all cores."""
     if not 0 <= whole(threads, "threads") <= MOST_THREADS:
         raise Error(f"threads: found {threads}; give 0 for all cores, or a number up to {MOST_THREADS}", "threads")
     return int(threads)
