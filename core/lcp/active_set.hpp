@@ -27,7 +27,7 @@ namespace bromwich {
 
 struct LcpOutcome {
   bool solved = false;
-  bool infeasible = false;  ///< proven (Z and PSD)
+  bool infeasible = false;  ///< proven: Z and PSD for all n, other matrices for n <= 100 without a feasible point
   bool fallback = false;    ///< pivoting, a restart from the empty set or the least-norm solver was needed
   bool exhausted = false;   ///< every active set was tried (n <= 12): no acceptable solution exists
   int newton = 0;           ///< active sets tried

@@ -70,12 +70,12 @@ void explain_stop(const DiscreteProblem& p, const MarchReport& report, Result& r
   } else if (!report.finite) {
     result.status = Status::nonfinite;
     result.reason = "the solution is not finite at " + where;
-  } else if (report.infeasible >= 0) {
+  } else if (report.infeasible >= 0 && selects_one(p.lcp_class)) {
     result.status = Status::infeasible;
     result.infeasible_at = p.t[report.infeasible];
     result.reason = "no solution from " + where + " on";
   } else if (!selects_one(p.lcp_class) && p.scene.constraints() <= largest_enumeration) {
-    // All active sets were tried. Solutions need not be unique: this is no proof for the scene.
+    // All active sets were tried. Solutions of earlier steps need not be unique: this is no proof for the scene.
     result.status = Status::tolerance_not_met;
     result.reason = "no active set solves the step to " + where +
                     "; M is of no known class: with another solution of an earlier step it may go on";

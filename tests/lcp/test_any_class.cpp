@@ -8,6 +8,10 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/LU>
+
+#include <bit>
+
 namespace bromwich {
 namespace {
 
@@ -32,7 +36,7 @@ TEST(LcpUnknown, MissesNoSolution) {
     const LcpOutcome outcome = solver.solve(q, y);
     EXPECT_EQ(outcome.solved, exact.has_value()) << instance << "\n" << M << "\n" << q.transpose();
     EXPECT_EQ(outcome.exhausted, !exact.has_value()) << instance;
-    EXPECT_FALSE(outcome.infeasible) << "nothing is proven by that";
+    EXPECT_FALSE(outcome.infeasible && exact) << instance;
     without += !exact;
     if (!outcome.solved) continue;
     // Backward stable solves of size n <= 8, after scaling.
@@ -41,6 +45,42 @@ TEST(LcpUnknown, MissesNoSolution) {
   }
   EXPECT_GT(without, 500);
   EXPECT_GT(known, 100) << "several solutions are common: any of them will do";
+}
+
+// Whether some y >= 0 has M y + q >= 0: then a basic solution of M y - w = -q has y, w >= 0.
+bool has_feasible_point(const Matrix& M, const Vector& q) {
+  const Index n = q.size();
+  Matrix all(n, 2 * n);
+  all << M, -Matrix::Identity(n, n);
+  for (unsigned set = 0; set < 1u << 2 * n; ++set) {
+    if (std::popcount(set) != n) continue;
+    Matrix basis(n, n);
+    Index column = 0;
+    for (Index i = 0; i < 2 * n; ++i)
+      if (set >> i & 1u) basis.col(column++) = all.col(i);
+    const Eigen::FullPivLU<Matrix> lu(basis);
+    if (lu.isInvertible() && (lu.solve(-q).array() >= -1e-12).all()) return true;
+  }
+  return false;
+}
+
+// A problem of no class without a solution is called infeasible where, and only where, it has no feasible point.
+TEST(LcpUnknown, InfeasibleMeansThatThereIsNoFeasiblePoint) {
+  Random random(35);
+  int infeasible = 0, feasible = 0;
+  for (int instance = 0; instance < 1500; ++instance) {
+    const Index n = 1 + instance % 4;
+    const Matrix M = random.matrix(n, n);
+    const Vector q = random.vector(n);
+    Vector y;
+    const LcpOutcome outcome = ActiveSetLcp(M, LcpClass::unknown).solve(q, y);
+    if (outcome.solved) continue;
+    const bool has_point = has_feasible_point(M, q);
+    EXPECT_EQ(outcome.infeasible, !has_point) << instance << "\n" << M << "\n" << q.transpose();
+    (has_point ? feasible : infeasible)++;
+  }
+  EXPECT_GT(infeasible, 50);
+  EXPECT_GT(feasible, 50);
 }
 
 TEST(LcpUnknown, SingularActiveSets) {

@@ -198,6 +198,21 @@ TEST(Status, InfeasibleAtTheStart) {
   EXPECT_TRUE(result.y.array().isNaN().all());
 }
 
+// w = -y - 1: M is of no class, and no y >= 0 has w >= 0.
+TEST(Status, InfeasibleAtTheStartWithMOfNoClass) {
+  Scene scene;
+  scene.dynamics = DenseDynamics{Matrix{{-1}}, Matrix{{1}}, Matrix{{0}}};
+  scene.M = Matrix{{-1}};
+  scene.g = [](double, Eigen::Ref<Vector> g) { g[0] = -1; };
+  scene.x0 = Vector::Constant(1, 1);
+  scene.T = 1;
+  for (const Method method : {Method::automatic, Method::march, Method::euler}) {
+    const Result result = run(scene, options_for(method, J));
+    EXPECT_EQ(result.status, Status::infeasible) << to_string(method) << ": " << result.reason;
+    EXPECT_EQ(result.infeasible_at.value_or(-1), 0) << to_string(method);
+  }
+}
+
 TEST(Status, SourcesThatStopBeingFinite) {
   for (const bool in_f : {true, false}) {
     Scene scene = some_scene();
