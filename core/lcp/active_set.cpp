@@ -335,7 +335,7 @@ bool ActiveSetLcp::fall_back(const Vector& q, LcpOutcome& outcome) {
   if (newton(outcome) && is_confirmed()) return true;
   if (has_one_solution(class_) && least_index(outcome)) return true;
   if (lemke(outcome) || enumerate(outcome)) return true;
-  outcome.infeasible = !has_one_solution(class_) && q.size() <= most_of_no_class && has_no_feasible_point(original_, q);
+  outcome.infeasible = !has_one_solution(class_) && q.size() <= most_of_no_class && has_no_feasible_point(M_, q_);
   return false;
 }
 
