@@ -25,21 +25,6 @@ constexpr int most_updates = 100;
 // A transform with larger entries is not carried on to the next set: that is computed from M.
 constexpr double carried_on = 1e3;
 
-constexpr Index most_of_no_class = 100;  ///< unknowns of a problem of no class that is tested for feasible points
-
-// Whether {y >= 0, M y + q >= 0} is proven empty, for any M. With (u, v) >= 0 as multipliers, the conditions of the
-// linear program min 0 on this set are a monotone problem for the skew matrix K, which has a solution if and only if
-// the set has a point.
-bool has_no_feasible_point(const Matrix& M, const Vector& q) {
-  const Index n = q.size();
-  Matrix K = Matrix::Zero(2 * n, 2 * n);
-  K.topRightCorner(n, n) = -M.transpose();
-  K.bottomLeftCorner(n, n) = M;
-  Vector r = Vector::Zero(2 * n);
-  r.tail(n) = q;
-  return bromwich::least_norm_solution(K, r).infeasible;
-}
-
 // The hash of a set is the sum of the hashes of its members (the finalizer of splitmix64).
 std::uint64_t hash(Index i) {
   std::uint64_t z = (std::uint64_t(i) + 1) * 0x9e3779b97f4a7c15u;
@@ -334,9 +319,7 @@ bool ActiveSetLcp::fall_back(const Vector& q, LcpOutcome& outcome) {
   reset();
   if (newton(outcome) && is_confirmed()) return true;
   if (has_one_solution(class_) && least_index(outcome)) return true;
-  if (lemke(outcome) || enumerate(outcome)) return true;
-  outcome.infeasible = !has_one_solution(class_) && q.size() <= most_of_no_class && has_no_feasible_point(M_, q_);
-  return false;
+  return lemke(outcome) || enumerate(outcome);
 }
 
 void ActiveSetLcp::accept(Vector& y) {
@@ -364,6 +347,16 @@ LcpOutcome ActiveSetLcp::solve(const Vector& q, Vector& y) {
   outcome.solved = (newton(outcome) && is_confirmed()) || fall_back(q, outcome);
   accept(y);
   return outcome;
+}
+
+bool has_no_feasible_point(const Matrix& M, const Vector& q) {
+  const Index n = q.size();
+  Matrix K = Matrix::Zero(2 * n, 2 * n);
+  K.topRightCorner(n, n) = -M.transpose();
+  K.bottomLeftCorner(n, n) = M;
+  Vector r = Vector::Zero(2 * n);
+  r.tail(n) = q;
+  return least_norm_solution(K, r).infeasible;
 }
 
 LeastNorm least_norm_solution(const Matrix& M, const Vector& q) {

@@ -27,7 +27,7 @@ namespace bromwich {
 
 struct LcpOutcome {
   bool solved = false;
-  bool infeasible = false;  ///< proven: Z and PSD for all n, other matrices for n <= 100 without a feasible point
+  bool infeasible = false;  ///< proven (Z and PSD)
   bool fallback = false;    ///< pivoting, a restart from the empty set or the least-norm solver was needed
   bool exhausted = false;   ///< every active set was tried (n <= 12): no acceptable solution exists
   int newton = 0;           ///< active sets tried
@@ -109,5 +109,9 @@ class ActiveSetLcp {
 /// The least-norm solution of a monotone problem (core/lcp/least_norm.hpp); ActiveSetLcp solves the regularized
 /// problems.
 LeastNorm least_norm_solution(const Matrix& M, const Vector& q);
+
+/// Whether {y >= 0, M y + q >= 0} is proven empty, for any M; then LCP(q, M) has no solution. The conditions of the
+/// linear program min 0 on this set are a monotone problem with a skew matrix, of twice the size.
+bool has_no_feasible_point(const Matrix& M, const Vector& q);
 
 }  // namespace bromwich

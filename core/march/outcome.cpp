@@ -1,6 +1,7 @@
 #include "core/march/outcome.hpp"
 
 #include "core/base/text.hpp"
+#include "core/lcp/active_set.hpp"
 #include "core/lcp/entries.hpp"
 #include "core/lcp/enumeration.hpp"
 
@@ -17,6 +18,13 @@ Vector without_rounding(const DiscreteProblem& p) {
   for (Index i = 0; i < start.size(); ++i)
     if (start[i] < 0 && start[i] >= -share * terms[i]) start[i] = 0;
   return start;
+}
+
+// Whether the problem at t = 0 has not even a feasible point, where the class of M says nothing.
+bool is_infeasible_at_zero(const DiscreteProblem& p) {
+  constexpr Index most_constraints = 100;
+  return !selects_one(p.lcp_class) && p.scene.constraints() <= most_constraints &&
+         has_no_feasible_point(to_dense(p.scene.M), without_rounding(p));
 }
 
 }  // namespace
@@ -56,9 +64,10 @@ Start ProblemAtZero::solve(Result& result, Vector& y0) const {
   const bool left_open =
       selects_least_norm(p_.lcp_class) || (!has_one_solution(p_.lcp_class) && !is_regular(p_.scene.M));
   if (report.finite && left_open) return Start::impulse;
-  result.status = report.infeasible == 0 ? Status::infeasible : Status::tolerance_not_met;
-  result.reason = report.infeasible == 0 ? "no solution at t = 0" : "the problem at t = 0 stayed unsolved";
-  if (report.infeasible == 0) result.infeasible_at = 0;
+  const bool infeasible = report.infeasible == 0 || (report.finite && is_infeasible_at_zero(p_));
+  result.status = infeasible ? Status::infeasible : Status::tolerance_not_met;
+  result.reason = infeasible ? "no solution at t = 0" : "the problem at t = 0 stayed unsolved";
+  if (infeasible) result.infeasible_at = 0;
   return Start::none;
 }
 
@@ -70,7 +79,7 @@ void explain_stop(const DiscreteProblem& p, const MarchReport& report, Result& r
   } else if (!report.finite) {
     result.status = Status::nonfinite;
     result.reason = "the solution is not finite at " + where;
-  } else if (report.infeasible >= 0 && selects_one(p.lcp_class)) {
+  } else if (report.infeasible >= 0) {
     result.status = Status::infeasible;
     result.infeasible_at = p.t[report.infeasible];
     result.reason = "no solution from " + where + " on";
