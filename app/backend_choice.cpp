@@ -7,7 +7,9 @@
 #include "cpu/cpu_backend.hpp"
 #include "kernels/cuda_backend.hpp"
 
+#include <mutex>
 #include <utility>
+#include <vector>
 
 namespace bromwich::app {
 
@@ -30,9 +32,22 @@ std::unique_ptr<Backend> choose_backend(const std::string& word, const Scene& sc
   return word == "cuda" || fits ? std::move(cuda) : make_cpu_backend(threads);
 }
 
+namespace {
+
+struct KeptBackends {
+  std::mutex mutex;
+  std::vector<std::shared_ptr<Backend>> all;
+};
+
+}  // namespace
+
 MakeBackend backends_beside(const Backend& backend) {
-  return [on_device = backend.name() == "cuda"]() -> std::unique_ptr<Backend> {
-    return on_device ? make_cuda_backend(make_cpu_backend(1)) : make_cpu_backend(1);
+  return [on_device = backend.name() == "cuda", kept = std::make_shared<KeptBackends>()]() -> std::shared_ptr<Backend> {
+    const std::lock_guard lock(kept->mutex);
+    for (const std::shared_ptr<Backend>& one : kept->all)
+      if (one.use_count() == 1) return one;
+    kept->all.push_back(on_device ? make_cuda_backend(make_cpu_backend(1)) : make_cpu_backend(1));
+    return kept->all.back();
   };
 }
 

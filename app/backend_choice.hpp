@@ -15,7 +15,8 @@ namespace bromwich::app {
 std::unique_ptr<Backend> choose_backend(const std::string& word, const Scene&, const Options&, Index components,
                                         int threads, bool device_started = false);
 
-/// Makes backends like this one, with one thread of the host each, for scenes that are solved side by side.
+/// Backends like this one, with one thread of the host each, for scenes that are solved side by side. They are kept as
+/// long as the function is: to make one on a device takes a hundredth of a second.
 MakeBackend backends_beside(const Backend&);
 
 /// "cpu, cuda" with their devices, for `info`.

@@ -67,6 +67,7 @@ class SweepRun {
   int run() {
     const int threads = threads_of_rank(arguments_.threads.empty() ? 0 : parse_threads(arguments_.threads));
     backend_ = choose_backend(arguments_.backend, choice_.scene, options_, Index(states_.size()), threads);
+    beside_ = backends_beside(*backend_);
     predict();
     ProgressLine progress(options_.iteration_tolerance);
     if (progress.visible())
@@ -245,7 +246,7 @@ class SweepRun {
     if (scenes.empty()) return block;
     Batch batch = batch_of(std::move(scenes));
     batch.times = times_;
-    block.result = solve_batch(batch, *backend_, options_, backends_beside(*backend_));
+    block.result = solve_batch(batch, *backend_, options_, beside_);
     return block;
   }
 
@@ -371,6 +372,7 @@ class SweepRun {
   SceneChoice choice_;
   Options options_;
   std::unique_ptr<Backend> backend_;
+  MakeBackend beside_;               ///< kept from block to block
   std::optional<BlockFolder> kept_;  ///< of ranks, or of a run before
   std::vector<Index> states_;
   std::vector<Column> columns_;  ///< of a CSV file

@@ -128,13 +128,14 @@ nlohmann::json by_solve_batch(const std::vector<Scene>& scenes, Index steps, int
   options.steps = steps;
   options.method = Method::multigrid;
   const auto backend = make_cuda_backend(make_cpu_backend(threads));
+  const MakeBackend beside = backends_beside(*backend);
   const Batch batch = batch_of(scenes);
   std::vector<double> whole;
   BatchResult result;
   Index solved = 0;
   for (int round = 0; round <= rounds; ++round) {  // the first one warms up
     Timer timer;
-    result = solve_batch(batch, *backend, options, backends_beside(*backend));
+    result = solve_batch(batch, *backend, options, beside);
     if (round > 0) whole.push_back(timer.lap() / double(scenes.size()));
     solved += result.solved();
   }

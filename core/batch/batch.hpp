@@ -72,8 +72,8 @@ struct BatchResult {
   Index solved() const;
 };
 
-/// Makes a backend on the machine of another one, with one thread of the host.
-using MakeBackend = std::function<std::unique_ptr<Backend>()>;
+/// A backend on the machine of another one, with one thread of the host, that nobody else uses until it is let go.
+using MakeBackend = std::function<std::shared_ptr<Backend>()>;
 
 /// Solves every scene with the same options. Bad values of one scene (NaN in its x0, a class of M that it has not) end
 /// that scene alone, with status unsupported and the text of the Error as its reason. Throws Error for members of wrong

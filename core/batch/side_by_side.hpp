@@ -26,7 +26,7 @@ class SideBySide {
 
  private:
   struct Worker {
-    std::unique_ptr<Backend> backend;
+    std::shared_ptr<Backend> backend;
     std::unique_ptr<SingleSolves> solves;
   };
 

@@ -47,7 +47,7 @@ Batch with_shared_matrices(Index count) {
   return batch;
 }
 
-std::unique_ptr<Backend> one_thread() { return make_cpu_backend(1); }
+std::shared_ptr<Backend> one_thread() { return make_cpu_backend(1); }
 
 // Another number of threads may change the order of a sum, and nothing else.
 void expect_as_single(const Batch& batch, const Options& options, const BatchResult& found) {
@@ -131,7 +131,7 @@ TEST(SideBySide, AnInterruptEndsAllThreads) {
 TEST(SideBySide, ErrorsOfTheMachineAndOfTheCallerLeaveTheCall) {
   const auto backend = make_cpu_backend(2);
   const Batch batch = with_own_matrices(4);
-  const auto broken = []() -> std::unique_ptr<Backend> { throw Error("backend", "is gone", "", ErrorKind::device); };
+  const auto broken = []() -> std::shared_ptr<Backend> { throw Error("backend", "is gone", "", ErrorKind::device); };
   EXPECT_EQ(refusal([&] { solve_batch(batch, *backend, with(Method::march), broken); }).rfind("backend: is gone", 0),
             0u);
   Options options = with(Method::march);
