@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ._arrays import compressed, filled, vector
+from ._arrays import compressed, filled, number, vector, whole_number
 from ._errors import Error, SingularShift
 
 Solve = Callable[[np.ndarray], np.ndarray]
@@ -49,10 +49,10 @@ class Dynamics:
             raise Error("shifted: is no function; give z -> (R -> X)", "shifted")
         if mass is not None and not callable(mass):
             raise Error("mass: is no function; give X -> E X", "mass")
-        self.states = int(states)
+        self.states = whole_number(states, "states")
         self.B, self.N = compressed(B, "B", column=True), compressed(N, "N")
         self.shifted, self.mass = shifted, mass
-        self.bound = None if bound is None else (float(bound[0]), float(bound[1]))
+        self.bound = None if bound is None else (number(bound[0], "bound"), number(bound[1], "bound"))
 
 
 End = str | float
@@ -107,14 +107,14 @@ class Kronecker:
         v = filled(advection, 2, "advection")
         if v.size != 2:
             raise Error(f"advection: has {v.size} values; give one, or (along, across)", "advection")
+        self.across = _line(across, "across")
         if along is None:  # one line: nothing flows along
-            along, ends_along, v = (1, across[1], across[2]), "neumann", np.array([0.0, v[1]])
-        (p, dx, c), (q, dy, d) = along, across
-        self.beside = [(int(points), float(spacing), float(c)) for points, spacing, c in beside]
-        self.along, self.across = (int(p), float(dx), float(c)), (int(q), float(dy), float(d))
+            along, ends_along, v = (1, *self.across[1:]), "neumann", np.array([0.0, v[1]])
+        self.along = _line(along, "along")
+        self.beside = [_line(one, "beside") for one in beside]
         self.b, self.n = vector(b, "b"), vector(n, "n")
         self.ends_along, self.ends_across = _ends(ends_along, "ends_along"), _ends(ends_across, "ends_across")
-        self.advection, self.reaction = (float(v[0]), float(v[1])), float(reaction)
+        self.advection, self.reaction = (float(v[0]), float(v[1])), number(reaction, "reaction")
         if (far_b is None) != (far_n is None):
             missing = "far_b" if far_b is None else "far_n"
             raise Error(f"{missing}: is missing; give far_b and far_n, or neither", missing)
@@ -130,7 +130,16 @@ class Kronecker:
     @staticmethod
     def spacing(points: int, length: float, ends: Ends = "dirichlet") -> float:
         """dx of so many points on a line of this length, from end to end."""
-        return float(length) / (points + 1 - 0.5 * sum(end is not None for end in _ends(ends, "ends")))
+        return number(length, "length") / (whole_number(points, "points") + 1 - 0.5 * sum(end is not None for end in _ends(ends, "ends")))
+
+
+def _line(line: Any, name: str) -> tuple[int, float, float]:
+    """Points, spacing, diffusivity."""
+    try:
+        points, spacing, diffusivity = line
+    except (TypeError, ValueError):
+        raise Error(f"{name}: found {line!r}; give (points, spacing, diffusivity)", name) from None
+    return whole_number(points, name), number(spacing, name), number(diffusivity, name)
 
 
 def _ends(ends: Ends, name: str) -> tuple[float | None, float | None]:
@@ -142,7 +151,7 @@ def _ends(ends: Ends, name: str) -> tuple[float | None, float | None]:
     for end in two:
         if isinstance(end, str) and end not in ("dirichlet", "neumann"):
             raise Error(f"{name}: found {end!r}; use 'dirichlet', 'neumann' or a number (Robin)", name)
-        found.append({"dirichlet": None, "neumann": 0.0}[end] if isinstance(end, str) else float(end))
+        found.append({"dirichlet": None, "neumann": 0.0}[end] if isinstance(end, str) else number(end, name))
     return found[0], found[1]
 
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from . import _core
+from ._arrays import number, whole_number, word
 from ._errors import Error
 from ._result import Status, Switch
 from ._scene import Scene
@@ -137,7 +138,7 @@ def solve_nonlinear(
         for name, function in (("phi", phi), ("gamma", gamma), ("dphi", dphi), ("dgamma", dgamma)):
             if function is not None:
                 raise Error(f"{name}: is given with a scene file, which states it; leave it out", name)
-        model, terms, facts = _core.read_nonlinear(os.fspath(scene), {k: float(v) for k, v in arguments.items()})
+        model, terms, facts = _core.read_nonlinear(os.fspath(scene), {k: number(v, k) for k, v in arguments.items()})
         if steps is tol is None:
             tol = facts["tolerance"]
     else:
@@ -150,13 +151,13 @@ def solve_nonlinear(
         _pair("dgamma", dgamma, gamma),
         terms,
         of == "trace",
-        method,
-        inner,
-        0 if steps is None else int(steps),
+        word(method, "method"),
+        word(inner, "inner"),
+        0 if steps is None else whole_number(steps, "steps"),
         _positive("tol", tol),
-        int(_positive("max_steps", max_steps)),
+        0 if max_steps is None else whole_number(max_steps, "max_steps"),
         _positive("iteration_tol", iteration_tol, 1),
-        backend,
+        word(backend, "backend"),
         host_threads(threads),
         stop,
     )
@@ -167,10 +168,11 @@ def _positive(name: str, value: float | None, below: float = float("inf")) -> fl
     """The value as the compiled part takes it, 0 for None."""
     if value is None:
         return 0.0
-    if not 0 < float(value) < below:
+    found = number(value, name)
+    if not 0 < found < below:
         room = "a positive number" if below == float("inf") else f"a number between 0 and {below:g}"
         raise Error(f"{name}: is {value}; give {room}, or None", name)
-    return float(value)
+    return found
 
 
 def _values(name: str, function: Function | None, derivative: Function | str | None) -> Function | None:

@@ -158,7 +158,7 @@ class Scene:
         Raises:
             Error: names file, line and key.
         """
-        values = {k: float(v) for k, v in settings.items()}
+        values = {k: number(v, k) for k, v in settings.items()}
         name = os.fspath(path)
         if not os.path.exists(name):
             raise Error(f"path: the file {name!r} does not exist; give the path of a scene file", "path")
@@ -179,12 +179,13 @@ class Scene:
         A is m x m, B m x k, C k x m; f has m values, e has k. As a complementarity problem y has 2k components, ``l = 1 - 2 y[:, :k]``.
         """
         A, B, C = matrix(A, "A"), matrix(B, "B", column=True), matrix(C, "C")
-        sources = source(f, "f", A.shape[0], float(T), {}), source(e, "e", C.shape[0], float(T), {})
+        T, steps = number(T, "T"), whole_number(steps, "steps")
+        sources = source(f, "f", A.shape[0], T, {}), source(e, "e", C.shape[0], T, {})
         model = _core.relay(A, B, C, sources[0], vector(x0, "x0"), sources[1])
-        model.name, model.T, model.steps = name, float(T), int(steps)
+        model.name, model.T, model.steps = word(name, "name"), T, steps
         model.validate()
-        given = dict(A=A.copy(), B=B.copy(), C=C.copy(), x0=vector(x0, "x0").copy(), T=float(T), f=f)
-        return cls._of(model, {}, {}, ("relay", (), {**given, "steps": int(steps), "name": name}))
+        given = dict(A=A.copy(), B=B.copy(), C=C.copy(), x0=vector(x0, "x0").copy(), T=T, f=f)
+        return cls._of(model, {}, {}, ("relay", (), {**given, "steps": steps, "name": name}))
 
     @property
     def name(self) -> str:
@@ -253,7 +254,7 @@ class Scene:
 
     def exact(self, t: float) -> tuple[np.ndarray, np.ndarray] | None:
         """x (m) and y (n) at t, of built-in scenes whose solution is known; otherwise None."""
-        return self._model.exact(float(t))
+        return self._model.exact(number(t, "t"))
 
     def __repr__(self) -> str:
         name = f"{self.name!r}: " if self.name else ""
@@ -277,7 +278,7 @@ def scene(name: str, **settings: float) -> Scene:
     for key in (k for k in settings if k not in catalogue[name]):
         near = suggestion(key, catalogue[name])
         raise Error(f"{key}: is no parameter of scene {name}{near}; choose from {', '.join(catalogue[name])}", key)
-    values = {k: float(v) for k, v in settings.items()}
+    values = {k: number(v, k) for k, v in settings.items()}
     model = _core.build_scene(name, values)
     for known, summary, parameters in _core.catalogue():
         if known == name:

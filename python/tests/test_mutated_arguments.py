@@ -28,6 +28,29 @@ def cases():
     yield from (("progress", value) for value in (5, "yes", [1]))
 
 
+LINE = dict(along=None, across=(3, 0.25, 1.0), b=[1.0, 0, 0], n=[1.0, 0, 0])
+
+
+@pytest.mark.parametrize("name", ["steps", "max_steps", "tol", "iteration_tol"])
+@pytest.mark.parametrize("value", ["3", -1, float("nan"), 1j], ids=repr)
+def test_of_nonlinear_solves(name, value):
+    with pytest.raises(bromwich.Error, match=rf"^{name}: (found|is) "):
+        bromwich.solve_nonlinear(**{**GOOD, name: value}, phi=lambda t, x, y: [0.0])
+
+
+@pytest.mark.parametrize("name, value", [("across", (3, 0.25)), ("across", (2.5, 0.25, 1)), ("along", 5), ("reaction", "1")])
+def test_of_lines_and_squares(name, value):
+    with pytest.raises(bromwich.Error, match=f"^{name}: found "):
+        bromwich.Kronecker(**{**LINE, name: value})
+
+
+def test_of_parameters():
+    with pytest.raises(bromwich.Error, match="^Q: found 'many'; give a number$"):
+        bromwich.scene("signorini", Q="many")
+    with pytest.raises(bromwich.Error, match="^steps: found 2.5; give a whole number from 1 on$"):
+        bromwich.Scene.relay(A=[[0.0]], B=[[1.0]], C=[[1.0]], x0=[1.0], T=1, steps=2.5)
+
+
 @pytest.mark.parametrize("name, value", list(cases()), ids=lambda v: " ".join(repr(v).split())[:20])
 def test_is_refused_in_one_line(name, value):
     with pytest.raises(bromwich.Error) as refused:

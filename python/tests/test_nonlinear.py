@@ -93,7 +93,7 @@ def test_derivatives_by_jax():
         (dict(phi=spring, inner="events"), "inner: found 'events'; use auto, march, contour or multigrid"),
         (dict(phi=spring, tol=-1), "tol: is -1; give a positive number, or None"),
         (dict(phi=spring, iteration_tol=float("nan")), "iteration_tol: is nan; give a number between 0 and 1, or None"),
-        (dict(phi=spring, max_steps=-1), "max_steps: is -1; give a positive number, or None"),
+        (dict(phi=spring, max_steps=-1), "max_steps: found -1; give a whole number from 1 on"),
         (dict(phi=spring, tol=1e-3, steps=100, max_steps=50), "max_steps: found 50; give 100 or more"),
     ],
 )
