@@ -106,8 +106,8 @@ std::shared_ptr<BatchAnswer> solve_many(const std::vector<std::shared_ptr<const 
     const bool calls_python =
         std::any_of(models.begin(), models.end(), [](const auto& m) { return !m->callables.empty(); }) || calls_of(f) ||
         calls_of(g);
-    answer->result = solve_batch(batch, *machine->backend, options,
-                                 calls_python ? MakeBackend() : app::backends_beside(*machine->backend));
+    if (!machine->beside) machine->beside = app::backends_beside(*machine->backend);
+    answer->result = solve_batch(batch, *machine->backend, options, calls_python ? MakeBackend() : machine->beside);
     answer->batch = std::make_shared<const Batch>(std::move(batch));
     return answer;
   });

@@ -1,6 +1,7 @@
 #pragma once
 // The backend that a solve runs on, from words.
 
+#include "core/batch/batch.hpp"
 #include "core/seam/communicator.hpp"
 #include "core/solve/solve.hpp"
 
@@ -17,6 +18,7 @@ struct Machine {
 
   const std::shared_ptr<Communicator> ranks;  ///< that divide the time points of the backend; null: it has them all
   std::unique_ptr<Backend> backend;
+  MakeBackend beside;  ///< of the threads of solve_batch, kept from one call to the next; empty before the first
   std::mutex busy;
 };
 
