@@ -11,6 +11,7 @@
 
 #include "core/kernel/shells.hpp"
 #include "kernels/convolution_scan.cuh"
+#include "kernels/entry_powers.hpp"
 #include "kernels/launch.cuh"
 #include "kernels/parts.hpp"
 
@@ -334,7 +335,7 @@ class ModalScan final : public Convolution {
       if (values.size() > 0) all.block(row, 0, values.rows(), n_) = values.leftCols(n_);
     };
     put(0, r.decay);
-    put(K_, RowMatrix(r.decay.array().pow(double(length_))));
+    put(K_, entry_powers(r.decay, length_));
     put(2 * K_, r.output);
     put(3 * K_, r.start);
     put(4 * K_, r.initial);

@@ -8,10 +8,10 @@
 
 #include "kernels/convolution_stages.hpp"
 
+#include "kernels/entry_powers.hpp"
 #include "kernels/launch.cuh"
 
 #include <algorithm>
-#include <cmath>
 
 namespace bromwich::cuda {
 
@@ -198,7 +198,7 @@ class StageScan final : public Convolution {
       if (values.size() > 0) all.block(row, 0, values.rows(), n_) = values;
     };
     put(0, r.decay);
-    put(K_, RowMatrix(r.decay.unaryExpr([this](double E) { return std::pow(E, double(length_)); })));
+    put(K_, entry_powers(r.decay, length_));
     for (int a = 0; a < 2; ++a) {
       put((2 + a) * K_, r.input[a]);
       put((4 + a) * K_, r.output[a]);

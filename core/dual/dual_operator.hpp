@@ -17,6 +17,8 @@ class DualResponse {
   virtual ~DualResponse() = default;
   /// r <- g + N x of the state without y; row 0 is N x0 + g(0).
   virtual void respond(const Changes&, Array& r) = 0;
+  /// Begins what `apply` needs, beside the calling thread where the backend has several; `apply` waits for it.
+  virtual void prepare() {}
   /// v <- K y.
   virtual void apply(const Array& y, Array& v) = 0;
   virtual std::size_t bytes() const = 0;

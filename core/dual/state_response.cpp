@@ -10,6 +10,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <future>
 #include <numeric>
 #include <utility>
 
@@ -182,15 +183,27 @@ class ModalStageResponse final : public DualResponse {
     p_.backend.add(r, 1, *v, r);
   }
 
+  void prepare() override {
+    if (!recurrence_.valid())
+      recurrence_ = std::async(p_.backend.threads() > 1 ? std::launch::async : std::launch::deferred,
+                               [this] { return make_recurrence(); });
+  }
+
   void apply(const Array& y, Array& v) override {
-    if (!kernel_) kernel_ = make_kernel();
+    if (!kernel_) {
+      prepare();
+      const Index rows = 2 * p_.J + 1;
+      kernel_ = std::make_unique<SpaceTimeKernel>(p_.backend, p_.backend.stage_convolution(recurrence_.get(), rows),
+                                                  p_.face(), rows, p_.scene.constraints());
+    }
     kernel_->apply(y, v, 0);
   }
 
   std::size_t bytes() const override { return kernel_ ? kernel_->bytes() : 0; }
 
  private:
-  std::unique_ptr<SpaceTimeKernel> make_kernel() const {
+  // From the dynamics and the grid alone, which no renewal changes.
+  StageRecurrence make_recurrence() const {
     const KroneckerDynamics& d = *p_.modes();
     const Vector mu = d.face_eigenvalues(), nu = d.across.eigenvalues();
     const LineTransfer line(d.across, d.n, d.b);
@@ -205,12 +218,11 @@ class ModalStageResponse final : public DualResponse {
       sum.coefficients = d.across.in_modes(d.n).cwiseProduct(d.across.in_modes(d.b));
       sum.constant = sum.linear = Vector::Zero(1);
     }
-    const Index rows = 2 * p_.J + 1, n = p_.scene.constraints();
-    return std::make_unique<SpaceTimeKernel>(
-        p_.backend, p_.backend.stage_convolution(stage_recurrence(sum, mu, p_.h, exact), rows), p_.face(), rows, n);
+    return stage_recurrence(sum, mu, p_.h, exact);
   }
 
   const DiscreteProblem& p_;
+  std::future<StageRecurrence> recurrence_;
   std::unique_ptr<SpaceTimeKernel> kernel_;
 };
 

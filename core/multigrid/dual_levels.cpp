@@ -148,7 +148,7 @@ bool add_dual_grid(TimeOperator& finest, const GridPlan& plan, DualLevels::Grid 
     all.refusal = std::move(choice.refusal);
     return false;
   }
-  if (plan.has_sources) grid.response = make_dual_response(op, plan.stages);
+  if (plan.has_sources && !grid.response) grid.response = make_dual_response(op, plan.stages);
   V = std::move(choice.weights);
   all.row_scale = V->row_scale;
   all.P.push_back(V->P);
@@ -232,6 +232,8 @@ std::unique_ptr<DualLevels> dual_levels(TimeOperator& op, Index stages, const Op
   all->P.reserve(plan.size());
   std::vector<DualLevels::Grid> grids;
   for (const GridPlan& grid : plan) grids.push_back(problem_of_grid(op, grid));
+  grids[0].response = make_dual_response(op, stages);
+  grids[0].response->prepare();  // beside the fit of V
   std::vector<DualChoice> ahead = dual_weights_ahead(op, plan, grids);
   std::optional<DualWeights> V;  // of the grid added last
   for (std::size_t l = 0; l < plan.size(); ++l)

@@ -15,9 +15,14 @@ void round_to_powers_of_two(Vector& factors) {
 
 Equilibration equilibrate(const Matrix& A) {
   return equilibrate(A.rows(), A.cols(), [&A](const Equilibration& e, Vector& rows, Vector& columns) {
-    const Matrix scaled = e.rows.asDiagonal() * A.cwiseAbs() * e.columns.asDiagonal();
-    rows = scaled.rowwise().maxCoeff();
-    columns = scaled.colwise().maxCoeff().transpose();
+    rows = Vector::Zero(A.rows());
+    columns.resize(A.cols());
+    Vector scaled(A.rows());
+    for (Index k = 0; k < A.cols(); ++k) {  // columns are contiguous
+      scaled = e.rows.cwiseProduct(A.col(k).cwiseAbs()) * e.columns[k];
+      columns[k] = scaled.maxCoeff();
+      rows = rows.cwiseMax(scaled);
+    }
   });
 }
 

@@ -1,0 +1,20 @@
+#pragma once
+// What scans precompute on the host: powers of decays.
+
+#include "core/base/types.hpp"
+
+namespace bromwich::cuda {
+
+/// base^exponent, entry by entry, for exponent >= 1, by repeated squaring: about 2 log2(exponent) products of arrays,
+/// which the compiler vectorises, for a call of pow an entry. The relative error is below 2 exponent eps, no more than
+/// what a rounding of the base makes of it.
+inline RowMatrix entry_powers(RowMatrix base, Index exponent) {
+  RowMatrix power = RowMatrix::Ones(base.rows(), base.cols());
+  for (; exponent > 0; exponent /= 2) {
+    if (exponent % 2 == 1) power.array() *= base.array();
+    if (exponent > 1) base.array() *= base.array().eval();
+  }
+  return power;
+}
+
+}  // namespace bromwich::cuda
