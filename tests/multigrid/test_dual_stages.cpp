@@ -176,5 +176,16 @@ TEST(DualStages, AreStepsInWWhereVIsLocal) {
   EXPECT_LE(distance(found.y.bottomRows(64), expected.y.bottomRows(64)), 1e-9 * expected.y.maxCoeff());
 }
 
+// c h/dx^2 = 3e-5: the stages do not contract, implicit Euler does, and the result says which of them it is.
+TEST(DualStages, WhereTheyDoNotContractImplicitEulerDoes) {
+  const Scene scene = make_scene("contact", {{"Q", 3}, {"c", 0.0005}, {"eps", 0}});
+  const Result found = run(scene, options_for(Method::dual, 1024)),
+               euler = run(scene, options_for(Method::euler, 1024));
+  ASSERT_EQ(found.status, Status::solved) << found.reason;
+  EXPECT_NE(found.warning.find("those of implicit Euler"), std::string::npos) << found.warning;
+  EXPECT_LE(found.residual, 1e-9);
+  EXPECT_LE(distance(found.y, euler.y), same_y * euler.y.maxCoeff());
+}
+
 }  // namespace
 }  // namespace bromwich
