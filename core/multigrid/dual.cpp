@@ -196,9 +196,9 @@ class DualRun {
   bool at_rest_, used_ = false;
 };
 
-// Where the state jumps at the start, implicit Euler moves it onto the constraints at once, and Radau IIA would not. Nor
-// do cycles at the stages contract where diffusion crosses less than a hundredth of a cell in a step and M = 0; those of
-// implicit Euler do.
+// Where the state jumps at the start, implicit Euler moves it onto the constraints at once, and Radau IIA would not.
+// Nor do cycles at the stages contract where diffusion crosses less than a hundredth of a cell in a step and M = 0;
+// those of implicit Euler do.
 class PreparedDual final : public PreparedMethod {
  public:
   PreparedDual(TimeOperator& op, const Options& options, std::unique_ptr<DualLevels> dual)
