@@ -26,12 +26,15 @@ using StageWeights = const Weights* const (&)[2][2];
 
 class Backend : public HostThreads {
  public:
-  explicit Backend(std::string name, const BackendTraits& traits = {}) : name_(std::move(name)), traits_(traits) {}
+  explicit Backend(std::string name, const BackendTraits& traits = {}, int ranks = 1)
+      : name_(std::move(name)), traits_(traits), ranks_(ranks) {}
 
   const std::string& name() const { return name_; }
   virtual DeviceInfo device() const = 0;
   const BackendTraits& traits() const { return traits_; }
   const FusedOperations& fused() const { return fused_; }
+  /// That share the time points of its arrays; 1: it has all of them.
+  int ranks() const { return ranks_; }
 
   // ---- Required.
 
@@ -120,6 +123,7 @@ class Backend : public HostThreads {
  private:
   std::string name_;
   BackendTraits traits_;
+  int ranks_;
 
  protected:
   StageOperations staged_;

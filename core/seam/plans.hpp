@@ -40,6 +40,11 @@ class Convolution : public Plan {
   /// Optional, for a modal recurrence with an `initial`: from now on x0 contributes Σ_k D_k E_k^j to row j >= 1 of each
   /// mode, D: K x n. Empty: another x0 needs another plan.
   std::function<void(const Array& D)> start_from;
+
+  /// Optional, for a modal recurrence: from now on z_0 = G0 y_0 + z in the modes for which this returns true, z: K x n
+  /// values. The others leave z out. Then apply(y, v, first) keeps what was added to rows of v before `first` in the
+  /// modes that leave z out.
+  std::function<const std::vector<bool>&(const Vector& z)> begin_with;
 };
 
 struct LcpReport {
