@@ -2,8 +2,8 @@
 // How the results of one method on grids of J, 2J, 4J, ... steps approach each other: y, its mean over [0, t] where y
 // jumps, and the states.
 //
-// Where y jumps, a jump that moves by a step is a difference as large as the jump on every grid, and the mean
-// 1/T ∫_0^t y takes the place of y: of first order. x is integrated and converges with an order between 1 and 2.
+// Where y jumps, a jump that moves by a step is a difference as large as the jump on every grid. The mean 1/T ∫_0^t y
+// then takes the place of y; its error is of first order. x is integrated and converges with an order between 1 and 2.
 // That a jump stays in its step when the step is halved has a chance of one half, and then the difference does not show
 // the error that it makes. Two things do. A jump s is known to within a step, so that the mean has an error of about s
 // h/(2 T) whatever the differences say; so has x, up to |B s| h, where its differences have shown to be a matter of

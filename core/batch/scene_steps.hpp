@@ -1,5 +1,5 @@
 #pragma once
-// The steps of small dense scenes, and the checks of their rows, in numbers of any kind: a double is one scene, in a
+// The steps of small dense scenes and the checks of their rows, in numbers of any kind. A double is one scene, in a
 // thread of a device; a vector of doubles has a scene in each lane (core/batch/lane_march.hpp). Nothing is allocated.
 //
 // Continuous y, linear between time points (core/march/marching.cpp):
@@ -16,8 +16,8 @@
 // d_j, g_j   drift, g            m, n             contribution of f, source; with stages g has 2n entries
 //            Problem                              solves LCP(q) by stored inverses on active sets
 //
-// A `Problem` has: solve<n>(q, y, lost), the active sets of rows take<n>(y, lost), respond<n>(v, u), u = V v on the
-// set, limit(), the number of steps that a set may last, and try_stages<2n>(q, Y, uncertain).
+// A `Problem` has solve<n>(q, y, lost) and try_stages<2n>(q, Y, uncertain); take<n>(y, lost), which takes the active
+// set of a row; respond<n>(v, u), u = V v on that set; limit(), the number of steps that a set may last.
 
 #include "scene_numbers.hpp"
 

@@ -115,9 +115,9 @@ class ImmediateLcpBatch : public LcpBatch {
   LcpReport last_, all_;
 };
 
-/// A batch that makes a fixed number of sweeps of projected successive over-relaxation instead of solving its problems:
-/// y <- sweeps(y) for LCP(M + D I, r + v - D y), with the given y on the right side and as the start. Its fixed points
-/// are the solutions, whatever D. Batches report no unsolved rows.
+/// A batch that makes a fixed number of sweeps of projected successive over-relaxation instead of solving its problems.
+/// y <- sweeps(y) for LCP(M + D I, r + v - D y), with the given y on the right side and as the first iterate. Its fixed
+/// points are the solutions, whatever D. Batches report no unsolved rows.
 struct ProjectedSweeps {
   const SparseMatrix* M = nullptr;  ///< M + D I: positive diagonal, symmetric positive definite or H+
   double shift = 0;                 ///< D
