@@ -1,5 +1,5 @@
 #pragma once
-// Whether steps of a solution have other solutions, which a result then says.
+// Whether steps of a solution have other solutions. A result reports them.
 
 #include "../kernel/discrete_problem.hpp"
 #include "../result/result.hpp"

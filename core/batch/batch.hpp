@@ -5,8 +5,8 @@
 //
 // Scenes with the same dynamics and M share kernels and factorizations. Small dense scenes of them are stepped side by
 // side, eight in the lanes of a vector (core/batch/lane_march.hpp); the others are solved by a Solver, one after the
-// other or on several threads. What a single solve would not call solved without a second look is left to a single
-// solve.
+// other or on several threads. A scene whose result needs further checks before it can be called solved is solved
+// singly.
 
 #include "../result/options.hpp"
 #include "../result/result.hpp"

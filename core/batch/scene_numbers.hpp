@@ -1,6 +1,6 @@
 #pragma once
-// What the steps of small dense scenes are computed with (scene_steps.hpp): numbers of one scene or of many, rows of
-// theirs and of their sources, matrices, and the limits of the checks.
+// The data of scene_steps.hpp: numbers of one scene or of many at once, rows of time points, sources, matrices, and the
+// limits of the checks.
 
 #include "../base/types.hpp"
 

@@ -1,7 +1,7 @@
 #pragma once
 // Few poles for dynamics that are known by shifted solves. H(z) of core/host/pole_model.hpp is computed at a few dozen
 // nodes, poles are picked for all its entries together, and residues are a least-squares fit. Three more nodes decide
-// how many poles there are. Six others have no part in any of this: they give the error of the finished model.
+// how many poles there are. Six others are not used for the fit: they give the error of the finished model.
 //
 // Nodes. All weights of a grid with step h are integrals of H along a curve to the right of the poles:
 //

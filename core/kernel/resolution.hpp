@@ -1,7 +1,7 @@
 #pragma once
 // Modes that a time grid does not resolve. A method that replaces e^{h lambda} by a rational function (Radau IIA,
-// implicit Euler) turns growth into decay for h Re lambda > 2 or so, and damps oscillations with h Im lambda > 1. It
-// does so with h/2 too, so comparing the two grids shows nothing.
+// implicit Euler) turns growth into decay for h Re lambda > 2 or so, and damps oscillations with h Im lambda > 1. The
+// same happens with h/2, so a comparison of the two grids does not show it.
 
 #include "discrete_problem.hpp"
 

@@ -100,7 +100,7 @@ class ActiveSetLcp {
     bool well_conditioned;
   };
   static constexpr std::size_t most_judged_ = 16;  ///< a march alternates between few sets
-  std::vector<JudgedSet> judged_;                  ///< PSD: the last sets whose M_SS was looked at; the latest first
+  std::vector<JudgedSet> judged_;                  ///< PSD: the last sets whose M_SS was examined; the latest first
   Vector positive_;                                ///< y >= 0 in scaled units, of is_confirmed
   std::vector<Index> positive_set_;
   SlackTerms slack_terms_;
