@@ -3,8 +3,8 @@
 // solution, otherwise step by step or by windows of steps.
 
 #include "divided_step.hpp"
+#include "nonlinear_result.hpp"
 #include "nonlinear_steps.hpp"
-#include "solve_nonlinear.hpp"
 #include "windows_of_steps.hpp"
 
 #include <memory>
