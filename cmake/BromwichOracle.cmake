@@ -4,6 +4,7 @@ include_guard(GLOBAL)
 add_library(
   bromwich_oracle STATIC
   ${PROJECT_SOURCE_DIR}/tests/support/oracle.cpp ${PROJECT_SOURCE_DIR}/tests/support/oracle_collocation.cpp
+  ${PROJECT_SOURCE_DIR}/tests/support/oracle_event_solution.cpp
   ${PROJECT_SOURCE_DIR}/tests/support/oracle_events.cpp ${PROJECT_SOURCE_DIR}/tests/support/oracle_galerkin.cpp
   ${PROJECT_SOURCE_DIR}/tests/support/oracle_modes.cpp
   ${PROJECT_SOURCE_DIR}/tests/support/oracle_steps.cpp

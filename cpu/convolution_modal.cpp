@@ -7,7 +7,6 @@
 // start of c + what c adds; (3) apply.
 
 #include "core/kernel/memory_length.hpp"
-#include "core/seam/carried_convolution.hpp"
 #include "cpu/convolution_direct.hpp"
 #include "cpu/convolution_scan.hpp"
 #include "cpu/mode_blocks.hpp"
@@ -40,7 +39,7 @@ std::vector<Index> remembered(const ModalRecurrence& r, Index rows) {
   return lags;
 }
 
-class ModalConvolution final : public Convolution, public CarriedConvolution {
+class ModalConvolution final : public Convolution {
  public:
   ModalConvolution(const ModalRecurrence& r, Index rows, int threads)
       : rows_(rows),
@@ -72,6 +71,7 @@ class ModalConvolution final : public Convolution, public CarriedConvolution {
     }
     for (const auto& bunch : sums_)
       for (const DirectBlock& block : bunch.blocks) past_ = std::max(past_, block.past(rows));
+    begin_with = [this](const Vector& z) -> const std::vector<bool>& { return take_state(z); };
     if (sums_.empty()) start_from = [this](const Array& D) { take_start(D); };  // x0 is in the tables of sums
   }
 
@@ -109,7 +109,7 @@ class ModalConvolution final : public Convolution, public CarriedConvolution {
         bunch.blocks[std::size_t(i)].start_from(host(D), bunch.modes.first + i);
   }
 
-  const std::vector<bool>& begin_with(const Vector& z) override {
+  const std::vector<bool>& take_state(const Vector& z) {
     for (auto& bunch : scans_)
       for (Index i = 0; i < bunch.modes.count; ++i)
         bunch.blocks[std::size_t(i)].begin_with(z.data(), exponentials_, Index(scanned_.size()), bunch.modes.first + i);

@@ -1,7 +1,6 @@
 #include "cpu/cpu_backend.hpp"
 
 #include "core/base/error.hpp"
-#include "core/seam/host_values.hpp"
 #include "core/seam/shared_memory.hpp"
 #include "cpu/failure.hpp"
 #include "cpu/parts.hpp"
@@ -23,7 +22,7 @@ namespace bromwich {
 
 namespace {
 
-class CpuBackend final : public Backend, public SharedMemory, public HostValues {
+class CpuBackend final : public Backend, public SharedMemory {
  public:
   explicit CpuBackend(int threads) : Backend("cpu", cpu_traits()), threads_(threads) {
     fused_.upload_product = [this](const RowMatrix& amplitudes, const Matrix& shapes, Array& to) {
@@ -104,8 +103,6 @@ class CpuBackend final : public Backend, public SharedMemory, public HostValues 
   std::unique_ptr<March> march(const MarchProblem& problem, Index rows) override {
     return problem.lags ? cpu::make_lag_march(problem, rows, threads_) : cpu::make_march(problem, rows, threads_);
   }
-
-  double* values(Array& array) const override { return cpu::host(array).data(); }
 
   // SharedMemory
   Place place() const override { return {}; }

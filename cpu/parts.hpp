@@ -13,12 +13,15 @@ namespace bromwich::cpu {
 class HostArray final : public Array {
  public:
   /// Zero-filled. The threads that will use the rows touch them first (first-touch page placement).
-  HostArray(Index rows, Index cols, int threads = 1) : Array(rows, cols), values(rows, cols) {
+  HostArray(Index rows, Index cols, int threads = 1) : HostArray(RowMatrix(rows, cols)) {
 #pragma omp parallel for num_threads(threads) schedule(static) if (threads > 1 && values.size() > 1 << 16)
     for (Index j = 0; j < rows; ++j) values.row(j).setZero();
   }
 
   RowMatrix values;
+
+ private:
+  explicit HostArray(RowMatrix&& made) : Array(made.rows(), made.cols(), made.data()), values(std::move(made)) {}
 };
 
 inline const RowMatrix& host(const Array& array) { return static_cast<const HostArray&>(array).values; }

@@ -30,7 +30,7 @@ double free_memory(const cuda::Device& device) {
   return std::max(1.0, double(free) + double(reserved) - double(used) + double(device.blocks().kept()));
 }
 
-class CudaBackend final : public Backend, public SharedMemory, public SceneMarcher {
+class CudaBackend final : public Backend, public SharedMemory {
  public:
   CudaBackend(std::unique_ptr<Backend> host, int number, std::string device_name)
       : Backend("cuda", cuda_traits()),
@@ -92,6 +92,9 @@ class CudaBackend final : public Backend, public SharedMemory, public SceneMarch
       if (const auto* d = dynamics->modes(); d && d->across.has_sine_modes()) return resolvent_(*d, nodes);
       return host_->resolvent(dynamics, nodes);
     };
+    fused_.scene_march = [this](const SceneMarchProblem& problem, Index scenes) {
+      return cuda::make_scene_march(device_, problem, scenes);
+    };
   }
 
   DeviceInfo device() const override {
@@ -141,9 +144,6 @@ class CudaBackend final : public Backend, public SharedMemory, public SceneMarch
     return cuda::make_march(device_, *host_, problem, rows);
   }
   void wait() override { device_.wait(); }
-  std::unique_ptr<SceneMarch> scene_march(const SceneMarchProblem& problem, Index scenes) override {
-    return cuda::make_scene_march(device_, problem, scenes);
-  }
 
   // SharedMemory
   Place place() const override { return {2, number_, reinterpret_cast<std::uintptr_t>(device_.stream())}; }

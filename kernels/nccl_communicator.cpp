@@ -49,22 +49,20 @@ class Buffer {
 class NcclCommunicator final : public Communicator {
  public:
   NcclCommunicator(int rank, int size, const ncclUniqueId& id, SharedMemory::Place place)
-      : rank_(rank), size_(size), device_(place.number), stream_(reinterpret_cast<cudaStream_t>(place.stream)) {
+      : Communicator(rank, size), device_(place.number), stream_(reinterpret_cast<cudaStream_t>(place.stream)) {
     check(cudaSetDevice(device_), "choosing the device");
     checked(ncclCommInitRank(&ranks_, size, id, rank), "joining the ranks");
   }
   ~NcclCommunicator() override { ncclCommDestroy(ranks_); }
-  int rank() const override { return rank_; }
-  int size() const override { return size_; }
 
  private:
   void do_shift(const Vector& right, Vector& left) override {
-    const bool sends = rank_ + 1 < size_ && right.size() > 0, receives = rank_ > 0 && left.size() > 0;
+    const bool sends = rank() + 1 < size() && right.size() > 0, receives = rank() > 0 && left.size() > 0;
     double* out = sends ? loaded(right.data(), right.size(), out_) : nullptr;
     double* in = receives ? in_.of(left.size()) : nullptr;
     checked(ncclGroupStart(), "a shift");
-    if (sends) checked(ncclSend(out, std::size_t(right.size()), ncclDouble, rank_ + 1, ranks_, stream_), "a shift");
-    if (receives) checked(ncclRecv(in, std::size_t(left.size()), ncclDouble, rank_ - 1, ranks_, stream_), "a shift");
+    if (sends) checked(ncclSend(out, std::size_t(right.size()), ncclDouble, rank() + 1, ranks_, stream_), "a shift");
+    if (receives) checked(ncclRecv(in, std::size_t(left.size()), ncclDouble, rank() - 1, ranks_, stream_), "a shift");
     checked(ncclGroupEnd(), "a shift");
     if (receives)
       fetch(in, left.size(), left.data());
@@ -90,7 +88,7 @@ class NcclCommunicator final : public Communicator {
   void do_broadcast(double* values, Index count, int root) override {
     for (Index begin = 0; begin < count; begin += most_together) {
       const Index length = std::min(most_together, count - begin);
-      double* both = rank_ == root ? loaded(values + begin, length, out_) : out_.of(length);
+      double* both = rank() == root ? loaded(values + begin, length, out_) : out_.of(length);
       checked(ncclBroadcast(both, both, std::size_t(length), ncclDouble, root, ranks_, stream_), "a broadcast");
       fetch(both, length, values + begin);
     }
@@ -109,7 +107,7 @@ class NcclCommunicator final : public Communicator {
   }
   void wait() const { check(cudaStreamSynchronize(stream_), "waiting for the device"); }
 
-  int rank_, size_, device_;
+  int device_;
   cudaStream_t stream_;
   ncclComm_t ranks_ = nullptr;
   Buffer out_, in_;

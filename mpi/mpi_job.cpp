@@ -13,18 +13,24 @@ namespace {
 
 constexpr Index most_together = Index(1) << 28;  ///< values of a message: MPI counts with int
 
+int rank_in(MPI_Comm ranks) {
+  int rank = 0;
+  MPI_Comm_rank(ranks, &rank);
+  return rank;
+}
+int size_of(MPI_Comm ranks) {
+  int size = 1;
+  MPI_Comm_size(ranks, &size);
+  return size;
+}
+
 class MpiCommunicator final : public Communicator {
  public:
-  explicit MpiCommunicator(MPI_Comm ranks) : ranks_(ranks) {
-    MPI_Comm_rank(ranks_, &rank_);
-    MPI_Comm_size(ranks_, &size_);
-  }
-  int rank() const override { return rank_; }
-  int size() const override { return size_; }
+  explicit MpiCommunicator(MPI_Comm ranks) : Communicator(rank_in(ranks), size_of(ranks)), ranks_(ranks) {}
 
  private:
   void do_shift(const Vector& right, Vector& left) override {
-    const int to = rank_ + 1 < size_ ? rank_ + 1 : MPI_PROC_NULL, from = rank_ > 0 ? rank_ - 1 : MPI_PROC_NULL;
+    const int to = rank() + 1 < size() ? rank() + 1 : MPI_PROC_NULL, from = rank() > 0 ? rank() - 1 : MPI_PROC_NULL;
     // The lengths of both are the same on all ranks that take part.
     const Index count = std::max(to == MPI_PROC_NULL ? 0 : right.size(), from == MPI_PROC_NULL ? 0 : left.size());
     for (Index begin = 0; begin < count; begin += most_together) {
@@ -49,7 +55,6 @@ class MpiCommunicator final : public Communicator {
   static int length(Index begin, Index count) { return int(std::clamp<Index>(count - begin, 0, most_together)); }
 
   MPI_Comm ranks_;
-  int rank_ = 0, size_ = 1;
 };
 
 class JobOfMpi final : public MpiJob {
@@ -58,7 +63,7 @@ class JobOfMpi final : public MpiJob {
     MPI_Comm_dup(all, &at_the_end_);
     MPI_Comm here;
     MPI_Comm_split_type(all, MPI_COMM_TYPE_SHARED, communicator_.rank(), MPI_INFO_NULL, &here);
-    MPI_Comm_size(here, &neighbours_);
+    neighbours_ = size_of(here);
     MPI_Comm_free(&here);
     const MPI_Aint bytes = communicator_.rank() == 0 ? MPI_Aint(sizeof(long)) : 0;
     MPI_Win_allocate(bytes, sizeof(long), MPI_INFO_NULL, all, &number_, &window_);

@@ -75,10 +75,6 @@ std::vector<double> timed_runs(Backend& backend, int repeats, const std::functio
   return times;
 }
 
-Json spread_of(const std::vector<double>& times) {
-  return {{"median", median(times)}, {"min", minimum(times)}, {"max", maximum(times)}};
-}
-
 class Study {
  public:
   Study(const BenchRequest& request, BenchReport& report) : request_(request), report_(report) {
@@ -105,7 +101,7 @@ class Study {
                               {"sizes", sizes.sizes.size()},
                               {"sparse", problem.sparse()},
                               {"what", what},
-                              {"seconds", spread_of(times)},
+                              {"seconds", spread(times)},
                               {"difference_max", apart}});
       lines_.push_back({backend.name(), fmt::format("{}", m), fmt::format("{}", M), c.grid(),
                         fmt::format("{}", sizes.sizes.size()), what, format_seconds(median(times)),

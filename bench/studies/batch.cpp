@@ -7,7 +7,6 @@
 #include "app/commands.hpp"
 #include "app/text.hpp"
 #include "bench/studies/study.hpp"
-#include "core/base/error.hpp"
 #include "core/derivatives/modal_derivative.hpp"
 #include "core/derivatives/solution_derivative.hpp"
 #include "core/solve/solve.hpp"
@@ -125,9 +124,6 @@ void measure_batch(const BatchCase& c, Backend& backend, const BenchRequest& req
                    fmt::format("{}", found.in_lanes), fmt::format("{:.1f}", median(many)),
                    fmt::format("{:.1f}", median(one)), fmt::format("{:.1f}", median(ratios)), fmt::format("{}", differ),
                    scientific(difference)});
-  const auto spread = [](const std::vector<double>& v) {
-    return Json{{"median", median(v)}, {"min", minimum(v)}, {"max", maximum(v)}};
-  };
   report.rows.push_back({{"scene", name},
                          {"backend", backend.name()},
                          {"scenes", c.scenes},
@@ -214,8 +210,7 @@ void measure_derivatives(Backend& backend, const BenchRequest& request, BenchRep
 }  // namespace
 
 BenchReport bench_batch(const BenchRequest& request, Backend& backend) {
-  if (request.scene || !request.settings.empty() || request.steps > 0)
-    throw Error("SCENE", "is given", "leave it and its parameters out: this benchmark has its own");
+  refuse_scene(request);
   BenchReport report;
   report.scene = "several";
   report.details["ns_batch"] = "solve_batch: wall clock over scenes and steps, in nanoseconds, checks included";

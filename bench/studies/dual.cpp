@@ -1,6 +1,7 @@
 // Cycles in w on contact: contraction of the cycles, cycles until the algebraic errors of w and of y are below a tenth
-// of the discretisation error, plain sweeps beside them, and times compared with marching on one core.
+// of the discretisation error, plain sweeps beside them, and times compared with marching on one core (dual_times.cpp).
 
+#include "bench/studies/dual.hpp"
 #include "app/text.hpp"
 #include "bench/studies/dual_puts.hpp"
 #include "core/base/error.hpp"
@@ -25,25 +26,9 @@ namespace {
 constexpr double wanted_contraction = 0.2;  ///< where c h/dx^2 is at least `crossed`
 constexpr double crossed = 0.05;            ///< diffusion crosses a cell in a step
 constexpr double least_change = 1e-10;      ///< smaller changes are not used for the contraction
-constexpr double wanted_error = 1e-4;       ///< of w, where times are compared
 constexpr double algebraic_part = 0.1;      ///< of the discretisation error, in the useful runs
 constexpr Index most_plain_sweeps = 400;
 constexpr Index wanted_sweeps = 20;  ///< in which both algebraic errors are to be below their parts
-
-/// What a backend can do in the time that a study may take.
-struct Reach {
-  double seconds;        ///< of the grids of one rule: further grids are listed as not run
-  double most_values;    ///< n J of a grid
-  double most_referred;  ///< n J of a reference
-  double most_marched;   ///< J n^2 of marching on one core
-  double longest_run;    ///< seconds, where times at an equal error are compared
-};
-
-Reach reach_of(const Backend& backend, bool quick) {
-  if (quick) return {10, 6e5, 1e6, 1e6, 1};
-  if (backend.name() == "cpu") return {150, 6e5, 2.4e6, 2e7, 10};
-  return {40, 1.7e7, 2.2e7, 0, 30};
-}
 
 struct ContactGrid {
   double Q;
@@ -63,34 +48,6 @@ std::vector<ContactGrid> contact_grids(bool quick) {
           if (eps == 0 || (c == 0.05 && (eps < 0.05 || Q == 511))) all.push_back({Q, J, c, eps});
   std::stable_sort(all.begin(), all.end(), [](const auto& a, const auto& b) { return a.Q * a.J < b.Q * b.J; });
   return all;
-}
-
-Options dual_options(Method method, Index J, bool by_euler = false) {
-  Options options;
-  options.method = method;
-  options.steps = J;
-  options.tuning.dual_by_euler = by_euler;
-  return options;
-}
-
-// w at the time points, from the trace.
-RowMatrix gap_of(const Scene& scene, const Result& r) {
-  const Matrix M = to_dense(scene.M);
-  RowMatrix w = r.trace + r.y * M.transpose();
-  Vector g(scene.constraints());
-  for (Index j = 0; j < w.rows(); ++j) {
-    scene.g(r.t[j], g);
-    w.row(j) += g.transpose();
-  }
-  return w;
-}
-
-// Largest difference at the time points that both have, from row 1 on.
-double largest_difference(const RowMatrix& a, const RowMatrix& b) {
-  const Index steps = std::min(a.rows(), b.rows()) - 1, A = (a.rows() - 1) / steps, B = (b.rows() - 1) / steps;
-  double largest = 0;
-  for (Index j = 1; j <= steps; ++j) largest = std::max(largest, (a.row(A * j) - b.row(B * j)).cwiseAbs().maxCoeff());
-  return largest;
 }
 
 // Geometric mean of the ratios of successive changes, and the largest of them.
@@ -113,7 +70,7 @@ Contraction dual_contraction(const Result& r) {
 
 class DualStudy {
  public:
-  DualStudy(Backend& backend, const Reach& reach, bool by_euler, int repeats, BenchReport& report)
+  DualStudy(Backend& backend, const DualReach& reach, bool by_euler, int repeats, BenchReport& report)
       : backend_(backend),
         reach_(reach),
         by_euler_(by_euler),
@@ -204,11 +161,11 @@ class DualStudy {
     if (early.status != Status::solved || cycles.trace.rows() != cycles.y.rows()) return;
     const RowMatrix w = gap_of(scene, cycles);
     Json& useful = row["useful"];
-    const double of_w = largest_difference(gap_of(scene, early), w);
+    const double of_w = difference_of_grids(gap_of(scene, early), w);
     useful = {{"cycles", early.cycles},
               {"sweeps", early.iterations},
               {"algebraic_error_estimated", early.algebraic_error.value_or(NAN)},
-              {"algebraic_error_y", largest_difference(early.y, cycles.y)},
+              {"algebraic_error_y", difference_of_grids(early.y, cycles.y)},
               {"algebraic_error_w", of_w}};
     useful["plain_sweeps"] = plain_sweeps(scene, grid, cycles.form == "dual" && !cycles.continuous ? 2 : 1, w, of_w);
     if (4 * double(grid.J) * grid.Q > reach_.most_referred) return;
@@ -216,10 +173,10 @@ class DualStudy {
     finer.trace = true;
     const Result reference = solve(scene, backend_, finer);
     if (reference.status != Status::solved) return;
-    useful["error_y"] = largest_difference(reference.y, cycles.y);
-    useful["error_w"] = largest_difference(gap_of(scene, reference), w);
-    useful["error_integral_of_y"] = largest_difference(integral_of_y(reference), integral_of_y(cycles));
-    useful["algebraic_error_integral_of_y"] = largest_difference(integral_of_y(early), integral_of_y(cycles));
+    useful["error_y"] = difference_of_grids(reference.y, cycles.y);
+    useful["error_w"] = difference_of_grids(gap_of(scene, reference), w);
+    useful["error_integral_of_y"] = difference_of_grids(integral_of_y(reference), integral_of_y(cycles));
+    useful["algebraic_error_integral_of_y"] = difference_of_grids(integral_of_y(early), integral_of_y(cycles));
     row["needed"] = needed_sweeps(scene, grid, cycles, w, useful);
   }
 
@@ -234,7 +191,7 @@ class DualStudy {
       options.max_iterations = sweeps;
       const Result few = solve(scene, backend_, options);
       if (few.trace.rows() != w.rows()) return nullptr;
-      const double of_w = largest_difference(gap_of(scene, few), w), of_y = largest_difference(few.y, cycles.y);
+      const double of_w = difference_of_grids(gap_of(scene, few), w), of_y = difference_of_grids(few.y, cycles.y);
       if (of_w <= algebraic_part * errors["error_w"].get<double>() &&
           of_y <= algebraic_part * errors["error_y"].get<double>())
         return {{"sweeps", few.iterations}, {"algebraic_error_w", of_w}, {"algebraic_error_y", of_y}};
@@ -261,7 +218,7 @@ class DualStudy {
       finest.lcp->collect();
       backend_.download(*finest.y, values);
       const RowMatrix ends = values(Eigen::seq(0, values.rows() - 1, stages), Eigen::all);
-      if (largest_difference(ends, w) <= wanted) return count;
+      if (difference_of_grids(ends, w) <= wanted) return count;
     }
     return nullptr;
   }
@@ -280,7 +237,7 @@ class DualStudy {
   static constexpr Index sweeps_between_looks = 4;
 
   Backend& backend_;
-  Reach reach_;
+  DualReach reach_;
   bool by_euler_;
   std::unique_ptr<Backend> one_;
   int repeats_;
@@ -289,84 +246,6 @@ class DualStudy {
   double elapsed_ = 0;
   std::vector<std::vector<std::string>> lines_{
       {"backend", "rule", "Q", "J", "c", "eps", "status", "cycles", "mean", "largest", "set-up", "solve"}};
-};
-
-// Times at equal error of w: steps are doubled until w is within `wanted_error` of a reference.
-class EqualError {
- public:
-  EqualError(Backend& backend, const Reach& reach, double Q, Index reference_steps, BenchReport& report)
-      : backend_(backend),
-        longest_run_(reach.longest_run),
-        one_(make_cpu_backend(1)),
-        scene_(make_scene("contact", {{"Q", Q}})),
-        Q_(Q),
-        report_(report),
-        most_(reference_steps / 2) {
-    Options options = dual_options(Method::dual, reference_steps);
-    options.trace = true;
-    const Result r = solve(scene_, backend, options);
-    if (r.status == Status::solved) reference_ = gap_of(scene_, r);
-  }
-
-  void run(const std::string& name, bool here, Options options) {
-    if (reference_.size() == 0) return;
-    Backend& backend = here ? backend_ : *one_;
-    Json ladder = Json::array();
-    for (Index J = first_steps; J <= most_; J *= 2) {
-      options.steps = J;
-      options.trace = true;
-      Solver solver(scene_, backend, options);
-      const Result first = solver.solve();
-      const double error = first.status == Status::solved ? largest_difference(reference_, gap_of(scene_, first)) : NAN;
-      ladder.push_back({{"steps", J}, {"error_w", error}, {"seconds", first.seconds.total}});
-      if (!(error <= wanted_error) && J < most_ && 2 * first.seconds.total < longest_run_) continue;
-      Samples whole, prepared;
-      const bool long_one = first.seconds.total > 0.1 * longest_run_;
-      if (long_one) whole.add(first.seconds.total, first.seconds.setup, first.seconds.solve);
-      for (int k = 0; k < (long_one ? 1 : repeats_at_equal_error); ++k) {
-        Options plain = options;
-        plain.trace = false;
-        const Result once = long_one ? first : solve(scene_, backend, plain);
-        if (!long_one) whole.add(once.seconds.total, once.seconds.setup, once.seconds.solve);
-        solver.set_x0(scene_.x0);
-        const Result again = solver.solve();
-        prepared.add(again.seconds.total, again.seconds.setup, again.seconds.solve);
-      }
-      lines_.push_back({backend.name(), name, fmt::format("{}", Q_), fmt::format("{}", J), fmt::format("{:.1e}", error),
-                        to_string(first.status), whole.total.empty() ? "-" : format_seconds(median(whole.total)),
-                        prepared.total.empty() ? "-" : format_seconds(median(prepared.total))});
-      report_.rows.push_back({{"equal_error", true},
-                              {"backend", backend.name()},
-                              {"method", name},
-                              {"Q", Q_},
-                              {"steps", J},
-                              {"error_w", error},
-                              {"wanted", wanted_error},
-                              {"ladder", ladder},
-                              {"status", to_string(first.status)},
-                              {"first_seconds", first.seconds.total},
-                              {"whole", to_json(whole)},
-                              {"prepared", to_json(prepared)}});
-      return;
-    }
-  }
-
-  const std::vector<std::vector<std::string>>& lines() const { return lines_; }
-
- private:
-  static constexpr Index first_steps = 32;
-  static constexpr int repeats_at_equal_error = 3;
-
-  Backend& backend_;
-  double longest_run_;
-  std::unique_ptr<Backend> one_;
-  Scene scene_;
-  double Q_;
-  BenchReport& report_;
-  Index most_;
-  RowMatrix reference_;
-  std::vector<std::vector<std::string>> lines_{
-      {"backend", "method", "Q", "J", "error of w", "status", "whole", "prepared"}};
 };
 
 // In how many runs the algebraic errors of y and w are below their parts within the sweeps wanted.
@@ -433,50 +312,6 @@ std::vector<std::string> dual_notes(const Json& rows) {
           fmt::format("not solved {}", missed(ended)), cost, estimates_kept(rows)};
 }
 
-// Ratios of times at equal errors, a line for each backend and size.
-std::vector<std::string> notes_on_times(const Json& rows) {
-  struct Times {
-    double whole = INFINITY, prepared = INFINITY, error = NAN;
-  };
-  std::map<std::pair<std::string, double>, std::map<std::string, Times>> groups;
-  std::string of;
-  for (const Json& row : rows) {
-    if (!row.contains("equal_error") || !std::isfinite(row["whole"]["median"].get<double>())) continue;
-    const std::string method = row["method"];
-    if (method == "dual") of = row["backend"];  // the methods on one core follow
-    Times& times = groups[{of, row["Q"].get<double>()}][method.substr(0, 4) == "dual" ? "dual" : method];
-    const double whole = row["whole"]["median"];
-    if (whole < times.whole) times = {whole, row["prepared"]["median"], row["error_w"]};
-  }
-  std::vector<std::string> notes;
-  for (const auto& [key, found] : groups)
-    for (const auto& [method, times] : found) {
-      if (method == "dual" || !found.contains("dual")) continue;
-      const Times& dual = found.at("dual");
-      notes.push_back(fmt::format(
-          "Q = {} on {}: {} on one core / dual: {}{:.3g} whole, {:.3g} prepared, {:.3g} one solve of "
-          "it / dual prepared (error of w {:.1e} and {:.1e})",
-          key.second, key.first, method, times.error <= wanted_error ? "" : "at least ", times.whole / dual.whole,
-          times.prepared / dual.prepared, times.whole / dual.prepared, times.error, dual.error));
-    }
-  return notes;
-}
-
-std::string compare_times(Backend& backend, double Q, bool quick, BenchReport& report) {
-  const Reach reach = reach_of(backend, quick);
-  const Index reference_steps = quick ? 1024 : 16384;
-  if (Q * double(reference_steps) > reach.most_referred) return "";
-  EqualError times(backend, reach, Q, reference_steps, report);
-  Options cycles = dual_options(Method::dual, 0);
-  cycles.iteration_tolerance = 0.01 * wanted_error;
-  times.run("dual", true, cycles);
-  cycles.tuning.dual_by_euler = true;
-  times.run("dual by euler", true, cycles);
-  times.run("march", false, dual_options(Method::march, 0));
-  times.run("euler", false, dual_options(Method::euler, 0));
-  return table(times.lines());
-}
-
 }  // namespace
 
 BenchReport bench_dual(const BenchRequest& request, Backend& backend) {
@@ -524,16 +359,16 @@ BenchReport bench_dual(const BenchRequest& request, Backend& backend) {
     const bool host = one.name() == "cpu";
     std::string tables;
     for (const bool by_euler : {false, true}) {
-      DualStudy study(one, reach_of(one, request.quick), by_euler, std::min(request.repeats(), 3), report);
+      DualStudy study(one, dual_reach(one, request.quick), by_euler, std::min(request.repeats(), 3), report);
       for (const ContactGrid& grid : different) study.run(grid);
       tables += table(study.lines());
     }
     const double Q = request.settings.contains("Q") ? request.settings.at("Q") : request.quick ? 15 : host ? 127 : 511;
-    tables += compare_times(one, Q, request.quick, report);
+    tables += compare_dual_times(one, Q, request.quick, report);
     return host && with_puts ? tables + table(measure_puts(request.quick, report)) : tables;
   });
   report.notes = dual_notes(report.rows);
-  for (std::string& note : notes_on_times(report.rows)) report.notes.push_back(std::move(note));
+  for (std::string& note : notes_on_dual_times(report.rows)) report.notes.push_back(std::move(note));
   if (backend.name() == "cpu" && with_puts) report.notes.push_back(note_on_puts(report.rows));
   print_with_notes(text, report);
   return report;

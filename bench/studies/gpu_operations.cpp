@@ -33,10 +33,6 @@ std::vector<double> timed(Backend& backend, int repeats, Run run) {
   return seconds;
 }
 
-Json spread(const std::vector<double>& seconds) {
-  return {{"median", median(seconds)}, {"min", minimum(seconds)}, {"max", maximum(seconds)}};
-}
-
 /// y >= 0 that vanishes half of the time, smooth in both directions, and q = w - M y with w = 0 where y > 0.
 struct Known {
   RowMatrix y, q;

@@ -134,7 +134,7 @@ class ReactionStudy {
                 {"Q", Q_},
                 {"steps", J},
                 {"status", to_string(status)},
-                {"seconds", {{"median", median(seconds)}, {"min", minimum(seconds)}, {"max", maximum(seconds)}}},
+                {"seconds", spread(seconds)},
                 {"repeats", seconds.size()}});
     if (y.size() > 0) row["error"] = error;
     lines_.push_back({name, backend.name(), fmt::format("{}", J), to_string(status), scientific(error),
@@ -155,8 +155,7 @@ class ReactionStudy {
 }  // namespace
 
 BenchReport bench_nonlinear(const BenchRequest& request, Backend& backend) {
-  if (request.scene || !request.settings.empty() || request.steps > 0)
-    throw Error("SCENE", "is given", "leave it and its parameters out: this benchmark has its own");
+  refuse_scene(request);
   BenchReport report;
   report.scene = "surface-reaction";
   report.details["seconds"] = "wall clock of solve_nonlinear, or of solve for one linear march, everything in it";

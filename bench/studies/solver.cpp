@@ -7,7 +7,6 @@
 #include "app/commands.hpp"
 #include "app/text.hpp"
 #include "bench/studies/study.hpp"
-#include "core/base/error.hpp"
 #include "cpu/cpu_backend.hpp"
 #include "kernels/cuda_backend.hpp"
 
@@ -60,8 +59,11 @@ double over_solve(const WallTimes& t) {
 }
 
 Json wall_seconds(const WallTimes& t) {
-  return {{"median", median(t.wall)},       {"min", minimum(t.wall)},         {"max", maximum(t.wall)},
-          {"setup", median(t.parts.setup)}, {"solve", median(t.parts.solve)}, {"over_solve", over_solve(t)}};
+  Json json = spread(t.wall);
+  json["setup"] = median(t.parts.setup);
+  json["solve"] = median(t.parts.solve);
+  json["over_solve"] = over_solve(t);
+  return json;
 }
 
 // Of the same kind, so that sampling it costs the same.
@@ -130,8 +132,7 @@ void measure_prepared(const PreparedCase& c, Backend& backend, const BenchReques
 }  // namespace
 
 BenchReport bench_solver(const BenchRequest& request, Backend& backend) {
-  if (request.scene || !request.settings.empty() || request.steps > 0)
-    throw Error("SCENE", "is given", "leave it and its parameters out: this benchmark has its own");
+  refuse_scene(request);
   BenchReport report;
   report.scene = "several";
   report.details["whole"] = "solve(scene with a new x0): wall clock, and the medians of set-up and solve";

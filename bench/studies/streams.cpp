@@ -154,8 +154,7 @@ nlohmann::json by_solve_batch(const std::vector<Scene>& scenes, Index steps, int
 }
 
 BenchReport bench_streams(const BenchRequest& request, Backend& backend) {
-  if (request.scene || !request.settings.empty() || request.steps > 0)
-    throw Error("SCENE", "is given", "leave it and its parameters out: this benchmark has its own");
+  refuse_scene(request);
   if (cuda_devices().empty()) throw Error("streams", "no CUDA device was found", "run it on a machine with one");
   BenchReport report;
   report.scene = "signorini";

@@ -1,6 +1,7 @@
 #include "bench/studies/study.hpp"
 
 #include "app/commands.hpp"
+#include "core/base/error.hpp"
 #include "cpu/cpu_backend.hpp"
 #include "kernels/cuda_backend.hpp"
 
@@ -38,12 +39,20 @@ double maximum(const std::vector<double>& values) {
   return values.empty() ? nan : *std::max_element(values.begin(), values.end());
 }
 
+Json spread(const std::vector<double>& values) {
+  return {{"median", median(values)}, {"min", minimum(values)}, {"max", maximum(values)}};
+}
+
 Json to_json(const Samples& samples) {
-  return {{"median", median(samples.total)},
-          {"min", minimum(samples.total)},
-          {"max", maximum(samples.total)},
-          {"setup", median(samples.setup)},
-          {"solve", median(samples.solve)}};
+  Json json = spread(samples.total);
+  json["setup"] = median(samples.setup);
+  json["solve"] = median(samples.solve);
+  return json;
+}
+
+void refuse_scene(const BenchRequest& request) {
+  if (request.scene || !request.settings.empty() || request.steps > 0)
+    throw Error("SCENE", "is given", "leave it and its parameters out: this benchmark has its own");
 }
 
 Json to_json(const Errors& errors) {

@@ -73,6 +73,9 @@ BenchReport bench_stability(const BenchRequest& request, Backend& backend);
 /// SCENE is a scene, a scene file or a folder of them; without one, all built-in scenes and the examples.
 BenchReport bench_tol(const BenchRequest& request, Backend& backend);
 
+/// For studies with scenes of their own: throws Error if a scene, parameters or steps are given.
+void refuse_scene(const BenchRequest& request);
+
 /// The file itself, or the scene files of a folder by name. Throws Error if there is none.
 std::vector<std::filesystem::path> scene_files(const std::string& place);
 inline constexpr const char* examples_folder = "examples";
@@ -86,6 +89,8 @@ struct Samples {
 double median(std::vector<double> values);
 double minimum(const std::vector<double>& values);
 double maximum(const std::vector<double>& values);
+/// {median, min, max}; null without values.
+Json spread(const std::vector<double>& values);
 /// {median, min, max} of the total and the medians of setup and solve; null without samples.
 Json to_json(const Samples& samples);
 /// {y: {max, rms}, trace: {max, rms}}

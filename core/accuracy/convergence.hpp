@@ -2,13 +2,13 @@
 // How the results of one method on grids of J, 2J, 4J, ... steps approach each other: y, its mean over [0, t] where y
 // jumps, and the states.
 //
-// Where y jumps, a jump that moves by a step is a difference as large as the jump on every grid, and the mean
-// 1/T ∫_0^t y takes the place of y: of first order. x is integrated and converges with an order between 1 and 2.
-// That a jump stays in its step when the step is halved has a chance of one half, and then the difference does not show
-// the error that it makes. Two things do. A jump s is known to within a step, so that the mean has an error of about s
-// h/(2 T) whatever the differences say; so has x, up to |B s| h, where its differences have shown to be a matter of
-// chance, by a rise or fall by a factor of 100 from one to the next (where y holds the state on a constraint, x does
-// better). And a grid of 3J/4 steps, the check, has few time points in common with the others.
+// Where y jumps, a jump that moves by a step is a difference as large as the jump on every grid. The mean 1/T ∫_0^t y
+// then takes the place of y; its error is of first order. x is integrated and converges with an order between 1 and 2.
+// When the step is halved, a jump stays at its grid point with a chance of one half. The difference then does not show
+// the error that the jump makes. Two rules account for it. A jump s is known to within a step, so the mean is taken to
+// have an error of at least s h/(2 T). x is taken to have an error of up to |B s| h if its differences rise or fall by
+// a factor of 100 from one to the next, which shows that they are a matter of chance. (Where y holds the state on a
+// constraint, x is more accurate.) And a grid of 3J/4 steps, the check, has few time points in common with the others.
 
 #include "../result/result.hpp"
 #include "../scene/scene.hpp"

@@ -8,10 +8,10 @@
 // e       error()       of the finer grid: D / (2^p - 1) with
 //                       D = max(d_k, m, d_{k-1} 2^-q),  m = (d_{k-2} d_{k-1} d_k)^{1/3} 2^-p
 //
-// Errors of piecewise smooth solutions are h^q times a number that depends on where switches fall between grid points:
-// differences lie within a factor s = sqrt(2) or so of their trend; where they leave it further, a slope below 1 is
-// chance, for switches that fall anywhere have no lower order. The slope does not depend on d_{k-1}, and the mean
-// of three, m, smoothes the rest. An order that makes e at most s times what q makes it cannot be told from q and
+// Errors of piecewise smooth solutions are h^q times a number that depends on where switches fall between grid points.
+// Differences lie within a factor s = sqrt(2) or so of their trend. Where they are farther from it, a slope below 1 is
+// chance, since switches at any place do not lower the order further. The slope does not depend on d_{k-1}, and the
+// mean of three, m, smoothes the rest. An order that makes e at most s times what q makes it cannot be told from q and
 // counts as q. A d_k that falls faster than with the full order is small by chance and counts as d_{k-1} 2^-q at least.
 // Where another grid has been compared with, chance shows there, and d_k is mistrusted half as much: D = (d_k max(d_k,
 // m))^{1/2}.

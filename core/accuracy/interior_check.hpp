@@ -25,9 +25,9 @@ double interior_defect(const Scene&, const Result&, const RowMatrix& x, const Co
 Vector hidden_error(const Vector& diagonal, const Vector& y_coarse, const Vector& y_fine, const Vector& e,
                     const Vector& w);
 
-/// Likewise on two grids of J and 2J steps, whose results hold N x (Options::trace): `largest` over the time points of
-/// the coarse one, in the size of y_i, and the mean over time, in that of its mean. e_i is `share` of what N x of the
-/// grids differ by. Free rows are left out; 0 where N x is not known.
+/// Likewise on two grids of J and 2J steps, whose results hold N x (Options::trace). `largest` is that over the time
+/// points of the coarse grid, relative to the size of y_i; the mean over time is relative to the mean of y_i. e_i is
+/// `share` of what N x of the grids differ by. Free rows are left out; 0 where N x is not known.
 struct HiddenError {
   double largest = 0, mean = 0;
 };

@@ -1,5 +1,5 @@
 #pragma once
-// What a small residual does not show: whether the discrete solution can be trusted.
+// How a discrete solution magnifies perturbations and rounding errors. A small residual does not show this.
 
 #include "../kernel/discrete_problem.hpp"
 #include "../kernel/recurrence.hpp"

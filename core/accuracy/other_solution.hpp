@@ -1,5 +1,5 @@
 #pragma once
-// Whether steps of a solution have other solutions, which a result then says.
+// Whether steps of a solution have other solutions. A result reports them.
 
 #include "../kernel/discrete_problem.hpp"
 #include "../result/result.hpp"
@@ -13,8 +13,8 @@ struct OtherSolution {
 };
 
 /// Looks at t = 0 (where M is neither P nor PSD) and at up to 24 steps: the first, those at which the active set
-/// changes, and some between them, as problems of implicit Euler from the states of the result. Dense dynamics; x all
-/// states.
+/// changes, and some between them. Each is a problem of implicit Euler that starts from the state of the result. Dense
+/// dynamics; x all states.
 OtherSolution other_solution(const DiscreteProblem&, const Result&, const RowMatrix& x);
 
 }  // namespace bromwich

@@ -3,8 +3,8 @@
 //
 //     (y_S, w_I) = V(S) q,   y_S = -M_SS^{-1} q_S,   w_I = q_I - M_IS M_SS^{-1} q_S,
 //
-// in scaled units, y = C y~ and w = R^{-1} w~ (core/lcp/solution.hpp). A set is made when it is first used; several
-// threads may ask at once.
+// in scaled units, y = C y~ and w = R^{-1} w~ (core/lcp/solution.hpp). A set is computed when it is first used. Several
+// threads may use the table at once.
 
 #include "../lcp/lcp_class.hpp"
 #include "../lcp/solution.hpp"

@@ -5,8 +5,8 @@
 //
 // Scenes with the same dynamics and M share kernels and factorizations. Small dense scenes of them are stepped side by
 // side, eight in the lanes of a vector (core/batch/lane_march.hpp); the others are solved by a Solver, one after the
-// other or on several threads. What a single solve would not call solved without a second look is left to a single
-// solve.
+// other or on several threads. A scene whose result needs further checks before it can be called solved is solved
+// singly.
 
 #include "../result/options.hpp"
 #include "../result/result.hpp"
@@ -78,10 +78,10 @@ using MakeBackend = std::function<std::shared_ptr<Backend>()>;
 /// Solves every scene with the same options. Bad values of one scene (NaN in its x0, a class of M that it has not) end
 /// that scene alone, with status unsupported and the text of the Error as its reason. Throws Error for members of wrong
 /// shape, bad options, and where the results exceed options.memory_limit: use solve_in_blocks. `progress` gets the
-/// number of scenes done as `iteration` and K as `total`.
-/// With `another`, scenes that are not stepped in lanes are solved by as many threads as the backend has, each with a
-/// backend that `another` has made; threads of their own call sources and supplied dynamics then, several at once.
-/// `progress` and `interrupted` are always called by the thread that called solve_batch.
+/// number of scenes done as `iteration` and K as `total`. With `another`, scenes that are not stepped in lanes are
+/// solved by as many threads as the backend has, each with a backend that `another` has made. Sources and supplied
+/// dynamics are then called from these threads, several at once. `progress` and `interrupted` are always called by the
+/// thread that called solve_batch.
 BatchResult solve_batch(const Batch&, Backend&, const Options& = {}, const MakeBackend& another = {});
 
 /// Bytes of the result of `scenes` scenes and of what is held beside it.

@@ -1,6 +1,7 @@
 #pragma once
 // Derivatives of all results of a batch: one a scene, as core/derivatives makes them, with the scenes as leading axis.
-// A scene that is not solved, or not differentiable where it is, has a reason and spoils nothing.
+// A scene that is not solved, or whose solution is not differentiable, has a reason instead; the other scenes keep
+// their derivatives.
 
 #include "../derivatives/switched_derivative.hpp"
 #include "batch.hpp"
@@ -12,7 +13,8 @@
 
 namespace bromwich {
 
-/// What each scene has, and where it has nothing (tables of NaN) why; otherwise the reason is empty.
+/// The derivatives of each scene. Where it has none, its tables are NaN and its reason says why; otherwise the reason
+/// is empty.
 template <class Value>
 struct PerScene {
   std::vector<Value> value;         ///< K

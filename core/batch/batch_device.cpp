@@ -19,11 +19,11 @@ constexpr Index fewest_on_device = 32;  ///< scenes of a group, a warp
 
 // On a backend that steps many scenes at a time. Returns those that it has not settled.
 std::vector<Index> BatchRun::march_on_device(const LanePlan& plan, const std::vector<Index>& group) {
-  auto* marcher = dynamic_cast<SceneMarcher*>(&backend_);
-  if (!marcher || own_sources_ || !plan.parts.empty() || Index(group.size()) < fewest_on_device) return group;
+  const auto& scene_march = backend_.fused().scene_march;
+  if (!scene_march || own_sources_ || !plan.parts.empty() || Index(group.size()) < fewest_on_device) return group;
   const double each = 32.0 * double(J_ + 1) * double(plan.m + plan.n);
   const Index together = std::clamp<Index>(Index(0.25 * backend_.device().memory / each), 1, Index(group.size()));
-  const std::unique_ptr<SceneMarch> march = marcher->scene_march(scene_march_problem(plan), together);
+  const std::unique_ptr<SceneMarch> march = scene_march(scene_march_problem(plan), together);
   if (!march) return group;
   const Vector g0 = (plan.stages ? plan.sources.at_points : plan.sources.g).row(0).transpose();
   std::vector<Index> rest;
@@ -39,7 +39,7 @@ std::vector<Index> BatchRun::march_on_device(const LanePlan& plan, const std::ve
     if (whole) touch.emplace(result_.y.data(), std::size_t(result_.y.size()));
     const SceneMarchOutcome outcome = march->run(starts.x0, starts.y0, starts.other);
     touch.reset();
-    download_rows(*march, whole, y, x);
+    download_rows(outcome, whole, y, x);
     Index settled = 0;
     for (Index i = 0; i < count; ++i) {
       const Index k = scenes[std::size_t(i)];
@@ -93,14 +93,14 @@ BatchRun::DeviceStarts BatchRun::starts_of(const LanePlan& plan, const Index* gr
   return starts;
 }
 
-void BatchRun::download_rows(SceneMarch& march, bool whole, RowMatrix& y, RowMatrix& x) {
+void BatchRun::download_rows(const SceneMarchOutcome& outcome, bool whole, RowMatrix& y, RowMatrix& x) {
   RowMatrix& to = whole ? result_.y : y;
   if (!whole && to.size() == 0) {
-    to.resize(march.y().rows(), march.y().cols());
+    to.resize(outcome.y->rows(), outcome.y->cols());
     const FirstTouch before_the_copy(to.data(), std::size_t(to.size()));
   }
-  backend_.download(march.y(), to);
-  if (result_.x.size() > 0 || result_.w.size() > 0) backend_.download(march.x(), x);
+  backend_.download(*outcome.y, to);
+  if (result_.x.size() > 0 || result_.w.size() > 0) backend_.download(*outcome.x, x);
 }
 
 // Scene k from row i (J+1) of the tables of a device.

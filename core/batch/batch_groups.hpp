@@ -1,5 +1,5 @@
 #pragma once
-// Which scenes of a batch share what.
+// Groups of scenes of a batch that share their dynamics and M.
 
 #include "../scene/natural_units.hpp"
 #include "batch.hpp"

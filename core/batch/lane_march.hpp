@@ -1,7 +1,7 @@
 #pragma once
-// March of eight scenes in the lanes of a vector, on one grid, by the steps of core/batch/scene_steps.hpp: continuous
-// y, in parts of steps where shared sources are rough (core/march/split.cpp), or stages of Radau IIA. The scenes share
-// their dynamics and M, or each has its own.
+// March of eight scenes in the lanes of a vector, on one grid, by the steps of core/batch/scene_steps.hpp. y is
+// continuous, with steps in parts where shared sources are rough (core/march/split.cpp), or has the stages of Radau
+// IIA. The scenes share their dynamics and M, or each has its own.
 //
 // A lane is settled if the solution passes, with a margin, each check by which Certification would call it solved
 // without another solve: residual, alternating y, growth of perturbations, rounding, impulses of contacts, oscillations

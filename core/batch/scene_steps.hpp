@@ -1,5 +1,5 @@
 #pragma once
-// The steps of small dense scenes, and the checks of their rows, in numbers of any kind: a double is one scene, in a
+// The steps of small dense scenes and the checks of their rows, in numbers of any kind. A double is one scene, in a
 // thread of a device; a vector of doubles has a scene in each lane (core/batch/lane_march.hpp). Nothing is allocated.
 //
 // Continuous y, linear between time points (core/march/marching.cpp):
@@ -16,81 +16,12 @@
 // d_j, g_j   drift, g            m, n             contribution of f, source; with stages g has 2n entries
 //            Problem                              solves LCP(q) by stored inverses on active sets
 //
-// A `Problem` has: solve<n>(q, y, lost), the active sets of rows take<n>(y, lost), respond<n>(v, u), u = V v on the
-// set, limit(), the number of steps that a set may last, and try_stages<2n>(q, Y, uncertain).
+// A `Problem` has solve<n>(q, y, lost) and try_stages<2n>(q, Y, uncertain); take<n>(y, lost), which takes the active
+// set of a row; respond<n>(v, u), u = V v on that set; limit(), the number of steps that a set may last.
 
-#include "../base/types.hpp"
-
-#include <cstdint>
+#include "scene_numbers.hpp"
 
 namespace bromwich::scene_steps {
-
-inline constexpr Index most_states = 32, most_unknowns = 8;  ///< m, n
-
-/// Mask, all(a), max, min, abs, select, and of masks any and no; for double here.
-template <class Number>
-struct Arithmetic;
-
-template <>
-struct Arithmetic<double> {
-  using Mask = bool;
-  static constexpr double all(double a) { return a; }
-  static constexpr double max(double a, double b) { return a > b ? a : b; }
-  static constexpr double min(double a, double b) { return a < b ? a : b; }
-  static constexpr double abs(double a) { return a < 0 ? -a : a; }
-  static constexpr double select(bool mask, double a, double b) { return mask ? a : b; }
-  static constexpr bool any(bool mask) { return mask; }
-  static constexpr bool no(bool mask) { return !mask; }
-};
-
-/// Component i at time point j is base[(j width + i) apart].
-template <class Number>
-struct Rows {
-  Number* base;
-  Index width, apart;
-  constexpr Number& operator()(Index j, Index i) const { return base[(j * width + i) * apart]; }
-};
-
-/// The same of a source: numbers that all scenes share, or own ones.
-template <class Number>
-struct Source {
-  const double* shared;
-  const Number* own;
-  Index width, apart;
-  constexpr Number operator()(Index j, Index i) const {
-    return own ? own[(j * width + i) * apart] : Arithmetic<Number>::all(shared[j * width + i]);
-  }
-};
-
-/// Matrices row by row, of doubles if the scenes share them, otherwise of Numbers.
-template <class C>
-struct Matrices {
-  Index m = 0, J = 0;
-  double h = 0;
-  const C *E = nullptr, *L = nullptr, *R = nullptr, *N = nullptr, *M = nullptr, *B = nullptr;
-  /// Of the rule by which perturbations grow: its step, E R + L, |E| and |R|.
-  const C *growth_E = nullptr, *growth_G = nullptr, *size_of_E = nullptr, *size_of_R = nullptr;
-  const double* part = nullptr;                  ///< m: of each state in the first perturbation
-  const C *y_unit = nullptr, *w_unit = nullptr;  ///< n: of y and w in the units of the scene
-  bool surely_P = false, stages = false;
-  double most_growth = 50;
-};
-
-// Margins below the limits of core/solve/certification.cpp.
-inline constexpr double settled_residual = 1e-10;   ///< of 1e-9
-inline constexpr double settled_rounding = 1e-6;    ///< of 1e-4
-inline constexpr double settled_impulse = 0.08;     ///< of 0.1
-inline constexpr double alternating_part = 0.0099;  ///< of a hundredth (core/kernel/ringing.hpp)
-inline constexpr double alternating_run = 16;
-
-/// Numbers in [-1, 1] without a pattern, the same in every run.
-struct Noise {
-  std::uint64_t state = 20;
-  constexpr double operator()() {
-    state = state * 6364136223846793005ULL + 1442695040888963407ULL;
-    return double(std::int64_t(state)) * 0x1p-63;
-  }
-};
 
 /// `fixed`: m where it is known to the compiler, otherwise 0.
 template <Index fixed, Index n, class Number, class C>
@@ -270,71 +201,31 @@ struct Steps {
   /// core/accuracy/magnification.hpp: how a perturbation grows, and what rounding makes of the solution.
   template <class Problem>
   constexpr void check_growth(Problem& problem, const Number* largest_x, Mask& lost) const {
-    Number inverse[room], dz[room], first[room], error[room], xb[room], yb[n], xj[room], yj[n];
-    Number largest = A::all(1e-290), size2 = none(), norm2 = none();
-    for (Index i = 0; i < m(); ++i) largest = A::max(largest, largest_x[i]);
-    for (Index i = 0; i < m(); ++i) {
-      inverse[i] = 1 / A::max(largest_x[i], 1e-12 * largest);
-      xb[i] = x(0, i);
-      dz[i] = first[i] = s.part[i] * largest_x[i];
-      error[i] = epsilon * s.part[i] * xb[i];
-      norm2 += (first[i] * inverse[i]) * (first[i] * inverse[i]);
-      size2 += (xb[i] * inverse[i]) * (xb[i] * inverse[i]);
-    }
-    for (Index i = 0; i < n; ++i) yb[i] = y(0, i);
-    Number least2 = norm2, last2 = norm2, most2 = A::all(1), rounding2 = none(), impulse2 = none(), run = none();
-    const Number first2 = norm2;
-    Noise noise;
+    Perturbed p;
+    Number first[room], xj[room], yj[n], run = none(), impulse2 = none();
+    Growth growth = begin_growth(largest_x, p);
+    for (Index i = 0; i < m(); ++i) first[i] = p.dz[i];
     for (Index j = 1; j <= s.J; ++j) {
       Mask changed = no_lane();
       for (Index i = 0; i < m(); ++i) xj[i] = x(j, i);
       for (Index i = 0; i < n; ++i) {
         yj[i] = y(j, i);
-        changed |= (yj[i] > 0) ^ (yb[i] > 0);
+        changed |= (yj[i] > 0) ^ (p.y[i] > 0);
       }
-      const Number before2 = size2;
+      const Number before2 = growth.size2;
       if (j == 1 || A::any(changed)) problem.template take<n>(yj, lost);
       run = A::select(changed, A::all(1), run + 1);
       lost |= run > problem.limit();
-      Number u[n], v[n], now2 = none(), error2 = none(), x2 = none(), next[room], next_error[room];
-      respond(problem, dz, u);
-      respond(problem, error, v);
-      for (Index i = 0; i < m(); ++i) {
-        Number a = s.growth_G[i * n] * u[0], b = s.growth_G[i * n] * v[0],
-               terms = A::abs(xj[i]) + A::abs(growth_drift(j, i));
-        for (Index k = 1; k < n; ++k) a += s.growth_G[i * n + k] * u[k], b += s.growth_G[i * n + k] * v[k];
-        for (Index k = 0; k < n; ++k) terms += s.size_of_R[i * n + k] * yj[k];
-        for (Index k = 0; k < m(); ++k) {
-          a += s.growth_E[i * m() + k] * dz[k], b += s.growth_E[i * m() + k] * error[k];
-          terms += s.size_of_E[i * m() + k] * A::abs(xb[k]);
-        }
-        next[i] = a;
-        next_error[i] = b + (2 * epsilon * noise()) * terms;
-        const Number of_a = a * inverse[i], of_e = next_error[i] * inverse[i], of_x = xj[i] * inverse[i];
-        now2 += of_a * of_a, error2 += of_e * of_e, x2 += of_x * of_x;
-      }
-      size2 = A::max(size2, x2);
-      rounding2 = A::max(rounding2, A::select(size2 > 0, 4 * error2 / size2, none()));
-      const Mask gone = now2 < 1e-28 * last2;
-      for (Index i = 0; i < m(); ++i) dz[i] = A::select(gone, first[i], next[i]), error[i] = next_error[i];
-      now2 = A::select(gone, first2, now2);
-      least2 = A::select(gone, first2, A::min(least2, now2));
-      most2 = A::max(most2, A::select(least2 > 0, now2 / least2, A::all(1)));
-      if (const Mask small = now2 < 1e-200; A::any(small)) {  // out of the range of squares
-        const Number by = A::select(small & (now2 > 0), A::all(1e80), A::all(1));
-        for (Index i = 0; i < m(); ++i) dz[i] *= by;
-        now2 *= by * by, least2 *= by * by;
-      }
-      last2 = now2;
+      growth.take(perturb(problem, j, xj, yj, p), first, p.dz, m());
       if (s.surely_P && A::any(changed)) {
-        if (j < s.J) impulse2 = A::select(changed, A::max(impulse2, impulse_of(yj, inverse, size2)), impulse2);
-        if (j > 1) impulse2 = A::select(changed, A::max(impulse2, impulse_of(yb, inverse, before2)), impulse2);
+        if (j < s.J) impulse2 = A::select(changed, A::max(impulse2, impulse_of(yj, p.inverse, growth.size2)), impulse2);
+        if (j > 1) impulse2 = A::select(changed, A::max(impulse2, impulse_of(p.y, p.inverse, before2)), impulse2);
       }
-      for (Index i = 0; i < m(); ++i) xb[i] = xj[i];
-      for (Index i = 0; i < n; ++i) yb[i] = yj[i];
+      for (Index i = 0; i < m(); ++i) p.x[i] = xj[i];
+      for (Index i = 0; i < n; ++i) p.y[i] = yj[i];
     }
-    lost |= A::no(most2 <= s.most_growth * s.most_growth);
-    lost |= A::no(rounding2 <= settled_rounding * settled_rounding);
+    lost |= A::no(growth.most2 <= s.most_growth * s.most_growth);
+    lost |= A::no(growth.rounding2 <= settled_rounding * settled_rounding);
     lost |= A::no(impulse2 <= settled_impulse * settled_impulse);
   }
 
@@ -358,6 +249,80 @@ struct Steps {
   }
 
  private:
+  // A perturbation dz, what rounding has made of the state, and the rows of the step before. 1 / inverse: the size of
+  // each state.
+  struct Perturbed {
+    Number inverse[room], dz[room], error[room], x[room], y[n];
+    Noise noise;
+  };
+
+  // Squares of norms of one row.
+  struct Sizes {
+    Number dz, error, x;
+  };
+
+  // Squares: of dz after the last step, its least so far, its growth since then, the size of the solution, and the
+  // largest error by rounding in units of it.
+  struct Growth {
+    Number first2, last2, least2, most2, size2, rounding2;
+
+    // `dz` begins anew where it has died out, and is scaled where its square would leave the range.
+    constexpr void take(const Sizes& now, const Number* first, Number* dz, Index m) {
+      size2 = A::max(size2, now.x);
+      rounding2 = A::max(rounding2, A::select(size2 > 0, 4 * now.error / size2, none()));
+      const Mask gone = now.dz < 1e-28 * last2;
+      for (Index i = 0; i < m; ++i) dz[i] = A::select(gone, first[i], dz[i]);
+      last2 = A::select(gone, first2, now.dz);
+      least2 = A::select(gone, first2, A::min(least2, last2));
+      most2 = A::max(most2, A::select(least2 > 0, last2 / least2, A::all(1)));
+      if (const Mask small = last2 < 1e-200; A::any(small)) {
+        const Number by = A::select(small & (last2 > 0), A::all(1e80), A::all(1));
+        for (Index i = 0; i < m; ++i) dz[i] *= by;
+        last2 *= by * by, least2 *= by * by;
+      }
+    }
+  };
+
+  constexpr Growth begin_growth(const Number* largest_x, Perturbed& p) const {
+    Number largest = A::all(1e-290), size2 = none(), norm2 = none();
+    for (Index i = 0; i < m(); ++i) largest = A::max(largest, largest_x[i]);
+    for (Index i = 0; i < m(); ++i) {
+      p.inverse[i] = 1 / A::max(largest_x[i], 1e-12 * largest);
+      p.x[i] = x(0, i);
+      p.dz[i] = s.part[i] * largest_x[i];
+      p.error[i] = epsilon * s.part[i] * p.x[i];
+      norm2 += (p.dz[i] * p.inverse[i]) * (p.dz[i] * p.inverse[i]);
+      size2 += (p.x[i] * p.inverse[i]) * (p.x[i] * p.inverse[i]);
+    }
+    for (Index i = 0; i < n; ++i) p.y[i] = y(0, i);
+    return {norm2, norm2, norm2, A::all(1), size2, none()};
+  }
+
+  // One step of dz and of the errors, on the active set of row j.
+  template <class Problem>
+  constexpr Sizes perturb(Problem& problem, Index j, const Number* xj, const Number* yj, Perturbed& p) const {
+    Number u[n], v[n], next[room], next_error[room];
+    Sizes sizes{none(), none(), none()};
+    respond(problem, p.dz, u);
+    respond(problem, p.error, v);
+    for (Index i = 0; i < m(); ++i) {
+      Number a = s.growth_G[i * n] * u[0], b = s.growth_G[i * n] * v[0],
+             terms = A::abs(xj[i]) + A::abs(growth_drift(j, i));
+      for (Index k = 1; k < n; ++k) a += s.growth_G[i * n + k] * u[k], b += s.growth_G[i * n + k] * v[k];
+      for (Index k = 0; k < n; ++k) terms += s.size_of_R[i * n + k] * yj[k];
+      for (Index k = 0; k < m(); ++k) {
+        a += s.growth_E[i * m() + k] * p.dz[k], b += s.growth_E[i * m() + k] * p.error[k];
+        terms += s.size_of_E[i * m() + k] * A::abs(p.x[k]);
+      }
+      next[i] = a;
+      next_error[i] = b + (2 * epsilon * p.noise()) * terms;
+      const Number of_a = a * p.inverse[i], of_e = next_error[i] * p.inverse[i], of_x = xj[i] * p.inverse[i];
+      sizes.dz += of_a * of_a, sizes.error += of_e * of_e, sizes.x += of_x * of_x;
+    }
+    for (Index i = 0; i < m(); ++i) p.dz[i] = next[i], p.error[i] = next_error[i];
+    return sizes;
+  }
+
   // u = V N dz on the active set.
   template <class Problem>
   constexpr void respond(Problem& problem, const Number* dz, Number* u) const {

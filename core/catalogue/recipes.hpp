@@ -35,8 +35,8 @@ inline double positive_parameter(const ParameterValues& values, const std::strin
   return value;
 }
 
-/// Heat in a square or, with `directions` 3, in a cube of Q interior points a direction, dx = 1/(Q+1), with diffusivity
-/// c. y is the value on one side, b = c/dx^2 e_1, and w sees n = -2 e_1 of its lines.
+/// Heat in a square or, with `directions` 3, in a cube, with diffusivity c and Q interior points in each direction, dx
+/// = 1/(Q+1). y is the value on one side, b = c/dx^2 e_1, and w sees n = -2 e_1 of its lines.
 KroneckerDynamics heat_with_boundary_value(Index Q, int directions, double c);
 
 /// x (1 - x) at the Q interior points of [0, 1].

@@ -2,7 +2,7 @@
 // Derivatives of the discrete solution of a Kronecker sum with a continuous y, with respect to x0, to sources that
 // enter through B, to g and to M. As core/derivatives/solution_derivative.hpp, with its equations in the modes of A,
 // where time is a convolution for each mode of the face (core/derivatives/modal_convolution.hpp): nothing of size m x m
-// is formed. States at time points are formed where they are asked for, from all modes.
+// is formed. States at time points are formed on request, from all modes.
 //
 // symbol  variable   shape   meaning
 // x^      K x n      modes of the state: k across, l of the face

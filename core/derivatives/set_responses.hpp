@@ -1,6 +1,6 @@
 #pragma once
 // The linear problems of the active sets of a solution: y_S = -W_SS^{-1} q_S, zero elsewhere, and the transposed ones.
-// Sets come again and again, so that each is inverted once; those of few constraints are kept in n x n matrices.
+// Sets recur, so each is inverted once; inverses for few constraints are kept as n x n matrices.
 
 #include "../base/types.hpp"
 

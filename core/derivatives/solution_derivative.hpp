@@ -50,9 +50,9 @@ bool y_may_jump(const Result&);
 class SolutionDerivative {
  public:
   /// The result must be of this scene, on a grid of equal steps, by `march`, `contour` or `multigrid`. Throws Error if
-  /// it is not solved, if y may jump (the derivative of the discrete solution is then not that of the solution), if a
-  /// degenerate component (y_i = w_i = 0) leaves only one-sided derivatives, or if the scene is too large to be written
-  /// out as dense matrices.
+  /// it is not solved, or if y may jump: the derivative of the discrete solution is then not that of the solution.
+  /// Throws Error, too, if a degenerate component (y_i = w_i = 0) leaves only one-sided derivatives, or if the scene is
+  /// too large for dense matrices.
   SolutionDerivative(const Scene&, const Result&);
 
   Index steps() const { return J_; }

@@ -6,8 +6,9 @@
 //
 //     dx' = A dx + B dy + f~,   (N dx + M dy + g~)_S = 0,   f~ = dA x + dB y + df,   g~ = dN x + dM y + dg.
 //
-// At a switch c(x, t) = 0, c the y_i or w_i that vanishes, the time changes by dt = -dc/c' and the state by the
-// saltation (Aizerman & Gantmacher 1958; di Bernardo et al., Piecewise-smooth Dynamical Systems, 2008, section 2.5)
+// c is the y_i or w_i that vanishes at a switch, c(x, t) = 0. The time of the switch changes by dt = -dc/c' and the
+// state by the saltation (Aizerman & Gantmacher 1958; di Bernardo et al., Piecewise-smooth Dynamical Systems, 2008,
+// section 2.5)
 //
 //     dx+ = dx- + (x'- - x'+) dt,
 //

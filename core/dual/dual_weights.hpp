@@ -67,8 +67,8 @@ struct DualChoice {
 /// V of the problem's grid, by implicit Euler (`stages` 1) or Radau IIA (2). Refused where M + K is singular, where y
 /// acts on the second or a higher derivative of w, where V grows (zeros of M + N (zI - A)^{-1} B in the right
 /// half-plane), and for dynamics or M without a dual form. With `finer`, V of a grid with shorter steps or more stages,
-/// its fit is used again: a rule sees V^ in a part of the right half-plane that shrinks with 1/h, that of implicit
-/// Euler lies in that of Radau IIA, and so do zeros.
+/// its fit is used again. This is possible since a rule sees V^ in a part of the right half-plane that shrinks as h
+/// grows, and the part of implicit Euler lies in that of Radau IIA; the same holds for the zeros.
 DualChoice dual_weights(const DiscreteProblem&, Index stages = 1, const DualWeights* finer = nullptr);
 
 /// The part for sparse and supplied dynamics.

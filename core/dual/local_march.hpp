@@ -5,8 +5,8 @@
 //
 //     0 <= w  ⊥  y = B^{-1} ((a^{-1}/h ⊗ I - I ⊗ A) X - (known terms)) >= 0,   w = N X + g at both stages of Radau IIA,
 //
-// has the sparse matrix of the dynamics, where marching in y has the full matrix W_0. Obstacles are like that, and
-// options with early exercise.
+// has the sparse matrix of the dynamics, where marching in y has the full matrix W_0. Examples are obstacle problems
+// and options with early exercise.
 
 #include "../kernel/prepared_method.hpp"
 #include "../kernel/time_operator.hpp"

@@ -1,7 +1,7 @@
 #pragma once
 // The numerical part of the multifrontal elimination of zE - A (core/numerics/elimination.hpp has the symbolic part),
-// eight shifts z at a time, one per lane. All lanes have the same structure, so even fronts with one or two pivots use
-// whole vectors. A test column (zE - A) u, u = ±1, whose solution is known, is solved along with B.
+// eight shifts z at a time, one per lane. All lanes have the same structure, so fronts with one or two pivots use whole
+// vectors, too. A test column (zE - A) u, u = ±1, whose solution is known, is solved along with B.
 
 #include "../base/simd.hpp"
 #include "../numerics/elimination.hpp"

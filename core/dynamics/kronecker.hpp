@@ -7,8 +7,8 @@
 
 namespace bromwich {
 
-/// A Kronecker sum of second differences on a box, A = I ⊗ across + face ⊗ I, face = along ⊗ I + I ⊗ beside[0] + ...,
-/// B = I ⊗ b, N = I ⊗ n^T: the constraints sit on one face of the box (one side of a rectangle), one for each grid line
+/// A Kronecker sum of second differences on a box, A = I ⊗ across + face ⊗ I, face = along ⊗ I + I ⊗ beside[0] + ..., B
+/// = I ⊗ b, N = I ⊗ n^T. The constraints are on one face of the box (one side of a rectangle), one for each grid line
 /// across it. State index = face index * across.points + position on the line; the face index counts points of `along`
 /// slowest and of the last direction of `beside` fastest. Sine transforms diagonalise the face, and the modes of one
 /// line what is left, so nothing of size m x m is ever formed. Ends of `across` may reflect; those of the other

@@ -30,8 +30,8 @@ struct GridLine {
   SparseMatrix matrix() const;
 };
 
-/// x' = (I ⊗ across + face ⊗ I - reaction I) x + B y, w = N x + ..., face = along ⊗ I + I ⊗ beside[0] + ...:
-/// state index = line * across.points + position, and lines are counted with `along` slowest and the last direction of
+/// x' = (I ⊗ across + face ⊗ I - reaction I) x + B y, w = N x + ..., face = along ⊗ I + I ⊗ beside[0] + ... The index
+/// of a state is line * across.points + position. Lines are counted with `along` slowest and the last direction of
 /// `beside` fastest. The first constraints sit on the side of the first points of `across`, one per grid line; then
 /// come those on the opposite side, if there are any. A line: one point along, Neumann at both its ends. A box has
 /// directions beside `along`.

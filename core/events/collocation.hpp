@@ -1,6 +1,7 @@
 #pragma once
-// Radau IIA with many stages as a collocation method: L-stable, of order 2 s - 1 at the ends of steps, with a
-// polynomial of degree s on the whole step (Hairer, Wanner, Solving Ordinary Differential Equations II, IV.5).
+// Radau IIA with many stages as a collocation method (Hairer, Wanner, Solving Ordinary Differential Equations II,
+// IV.5). It is L-stable and of order 2 s - 1 at the ends of steps, and it gives a polynomial of degree s on the whole
+// step.
 //
 // symbol  variable     shape           meaning
 // s       degree       1               stages, and the degree of all polynomials

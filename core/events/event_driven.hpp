@@ -2,12 +2,12 @@
 // Event-driven integration of small scenes with dense dynamics and initial values.
 //
 // Between events the active set is constant, and x' = A_S x + ... is solved by collocation
-// (core/events/collocation.hpp) with steps so short that the last coefficients of x, f and g are below a tolerance. An
+// (core/events/collocation.hpp). Steps are so short that the last coefficients of x, f and g are below a tolerance. An
 // event is the first time at which the polynomial of some y_i or w_i is negative, located to rounding. There, and at
-// breakpoints of the sources, an implicit Euler step of very short length proposes the active set that continues, and a
-// step of collocation confirms it: y and w have to be nonnegative on it. Where the state does not fulfil the
-// constraints of the new active set it jumps. Where events accumulate (sliding motion, Zeno), a short step of implicit
-// Euler passes the accumulation.
+// breakpoints of the sources, a very short step of implicit Euler proposes the active set that continues. A step of
+// collocation confirms it: y and w have to be nonnegative on it. Where the state does not fulfil the constraints of the
+// new active set it jumps. Where events accumulate (sliding motion, Zeno), a short step of implicit Euler passes the
+// accumulation.
 //
 // Where M, or the matrix of a short step of implicit Euler, is of class P or monotone (core/lcp), the solution is
 // unique. Otherwise all active sets are tried at every step, for few constraints, and the integration ends where two of

@@ -6,9 +6,9 @@
 // u       Jet           the values (x, f, f', g, g', g'') at one time
 //
 // w_S = M_SS y_S + N_S x + g_S = 0 determines y_S where M_SS is regular. Otherwise the left null space U of M_SS gives
-// constraints U^T (N_S x + g_S) = 0 on the state, which replace rows that M_SS does not have by their derivatives, with
-// x' = A x + B y + f. Two derivatives are enough for diodes and relays (one) and for rigid contact (two). This is the
-// shuffle algorithm for descriptor systems (Luenberger, IEEE Trans. Automat. Control 22, 1977).
+// constraints U^T (N_S x + g_S) = 0 on the state. Their derivatives, with x' = A x + B y + f, replace the rows that
+// M_SS lacks. Two derivatives are enough for diodes and relays (one) and for rigid contact (two). This is the shuffle
+// algorithm for descriptor systems (Luenberger, IEEE Trans. Automat. Control 22, 1977).
 //
 // A state that does not fulfil the constraints jumps by B p with an impulse p of y_S: M_SS p = 0, and the constraints
 // hold afterwards.

@@ -1,7 +1,7 @@
 #pragma once
 // The exponential Galerkin method in time (Wang, Chen, An exponential integrator based discontinuous Galerkin method
-// for linear complementarity systems): y is linear on each of N intervals of length h, discontinuous at their ends, and
-// the complementarity problem is tested with the same functions. On interval k, s = (t - t_{k-1})/h,
+// for linear complementarity systems). y is linear on each of N intervals of length h and discontinuous at their ends.
+// The complementarity problem is tested with the same functions. On interval k, s = (t - t_{k-1})/h,
 //
 //     y = (1-s) a_k + s b_k,    z_k = (a_k, b_k) >= 0,    psi = (1-s, s),
 //     w_k = (2/h) ∫ psi ⊗ w dt = D z_k + C x_{k-1} + q_k,    0 <= z_k ⊥ w_k >= 0,
@@ -81,7 +81,7 @@ GalerkinProblem galerkin_problem(const Scene&, const std::vector<GridPart>&, Sha
 GalerkinProblem galerkin_problem(const Scene&, const std::vector<GridPart>&);
 GalerkinProblem galerkin_problem(const Scene&, Index N);
 
-/// The same scene on half as many intervals, from F and q of a uniform grid without a sample of f and g: with 1 and 2
+/// The same scene on half as many intervals, from F and q of a uniform grid, without a sample of f and g. With 1 and 2
 /// the halves of an interval, F = E F_1 + F_2, q_left = (q_1l + q_1r/2 + p_2l/2)/2, q_right = (q_1r/2 + p_2l/2 +
 /// p_2r)/2, p_2 = q_2 + C F_1. Precondition: N even.
 GalerkinProblem coarser_problem(const Scene&, const GalerkinProblem&, SharedDynamics& shared);

@@ -1,8 +1,8 @@
 #pragma once
 // Event location. A switch of the active set inside an interval costs y half an order and x one order; a switch on a
 // node costs nothing. core/result/switching.hpp finds the times of switches up to O(h^2) where y leaves 0 with a slope.
-// With nodes at these times and intervals of one length between them, a kink lies at most O(h^2) off its node, which
-// leaves an error of h^3 in y (L2) and of h^4 in x.
+// Nodes are placed at these times, with intervals of one length between them. A kink is then at most O(h^2) from its
+// node, which leaves an error of h^3 in y (L2) and of h^4 in x.
 
 #include "../result/result.hpp"
 #include "discretisation.hpp"

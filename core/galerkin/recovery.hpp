@@ -1,6 +1,6 @@
 #pragma once
-// A Galerkin result at any time, with the order of the method: y is linear on each interval, and one exact step with
-// this y carries x from the left end of the interval to t.
+// A Galerkin result at any time, with the order of the method. y is linear on each interval; one exact step with this y
+// carries x from the left end of the interval to t.
 
 #include "../result/result.hpp"
 #include "discretisation.hpp"

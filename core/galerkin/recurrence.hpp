@@ -1,6 +1,6 @@
 #pragma once
-// The discrete Galerkin problem in the form of core/kernel/recurrence.hpp, for the operations of a backend: row j of an
-// array belongs to interval j, row 0 is not used, and the state z_j of the recurrence is x_j.
+// The discrete Galerkin problem in the form of core/seam/recurrence.hpp, for the operations of a backend. Row j of an
+// array belongs to interval j, and row 0 is not used. The state z_j of the recurrence is x_j.
 
 #include "../seam/backend.hpp"
 #include "discretisation.hpp"

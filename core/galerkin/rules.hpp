@@ -1,7 +1,7 @@
 #pragma once
 // Intervals on which the active constraints do not determine y by M: M_SS is singular (an ideal stop, an ideal diode,
-// sliding). The moments of method galerkin do not damp there: from node to node an error of w is multiplied by
-// P_2(1)/P_2(-1) = 1 if y acts on w', and by 3 + sqrt(8) if y acts on w''; a jump of the state leaves an error of its
+// sliding). The moments of method galerkin do not damp there. From node to node an error of w is multiplied by
+// P_2(1)/P_2(-1) = 1 if y acts on w', and by 3 + sqrt(8) if y acts on w''. A jump of the state leaves an error of its
 // own size. Such intervals are solved by Radau IIA, with the stages c = (1/3, 1) and z = (y_1, y_2),
 //
 //     X_i = x_{k-1} + h Σ_j a_ij (A X_j + B y_j + f(t_{k-1} + c_j h)),   x_k = X_2,

@@ -1,5 +1,5 @@
 #pragma once
-// Whether y -> w = M y + N x(y) is strongly monotone, which makes the solution unique: then w - w' and y - y' of two
+// Whether y -> w = M y + N x(y) is strongly monotone, which makes the solution unique: w - w' and y - y' of two
 // solutions have a product that is not positive at any time, and
 //
 //     sigma ||y - y'||^2 <= ∫ (y - y')^T (w - w') dt <= 0.

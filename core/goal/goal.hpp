@@ -1,7 +1,7 @@
 #pragma once
 // A time grid adapted to a quantity of interest (Bartel, Schaller, Goal-oriented time adaptivity for port-Hamiltonian
-// systems): solve, solve the adjoint equation, weight the residual of each cell with the adjoint, halve the cells with
-// the largest contributions to the error, repeat. docs/goal.md has the mathematics.
+// systems). One cycle solves the scene and the adjoint equation, weights the residual of each cell with the adjoint,
+// and halves the cells that contribute most to the error. docs/goal.md has the mathematics.
 
 #include "../result/options.hpp"
 #include "../result/result.hpp"

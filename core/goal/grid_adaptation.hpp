@@ -21,9 +21,9 @@ std::vector<Index> marked_cells(const Vector& indicators, double marking, Index 
 /// the contribution of a cell by 2^-q. If all cells contribute equally, these are all cells.
 std::vector<Index> economical_cells(const Vector& indicators, int q, Index most);
 
-/// Divides [0, T] between the `breaks` into equal blocks, one per four cells, and each block into n equal cells:
-/// `cells` in total, with n chosen to minimise Σ c n^-q, where c n^-q is the contribution of a block of n cells.
-/// Returns `t` if all indicators are 0.
+/// Divides [0, T] between the `breaks` into equal blocks, one per four cells, and each block into n equal cells,
+/// `cells` in total. n minimises Σ c n^-q, where c n^-q is the contribution of a block of n cells. Returns `t` if all
+/// indicators are 0.
 Vector divided(const Vector& t, const Vector& indicators, int q, Index cells, const std::vector<double>& breaks);
 
 /// Halves the marked cells, except those as short as a few roundings of T.

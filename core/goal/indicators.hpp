@@ -1,6 +1,6 @@
 #pragma once
-// Contributions of the cells to the error of a quantity of interest: x_h is transferred to the grid with every cell
-// halved, and its residuals in the two half steps of a cell are weighted with the adjoint.
+// Contributions of the cells to the error of a quantity of interest. x_h is transferred to the grid with every cell
+// halved; its residuals in the two half steps of a cell are weighted with the adjoint.
 
 #include "../seam/backend.hpp"
 #include "options.hpp"

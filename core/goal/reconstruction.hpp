@@ -50,8 +50,8 @@ class PortSystem {
   const SparseMatrix& output_matrix() const { return output_; }
   /// A in the form that the steps use: dense up to 64 states, sparse above (exponential: always dense).
   StepMatrix step_matrix(StepScheme) const;
-  /// All steps of a grid, S_i x_i = R_i x_{i-1} + d_i with the d of step_sources: S = I - hA, R = I of implicit Euler
-  /// or, with E kept, S = E - h (J - R) Q, R = E; the other schemes in the same way.
+  /// All steps of a grid, S_i x_i = R_i x_{i-1} + d_i with the d of step_sources. Implicit Euler has S = I - hA and R =
+  /// I or, with E kept, S = E - h (J - R) Q and R = E; the other schemes likewise.
   StepChainProblem step_problem(StepScheme, const StepSizes&) const;
   bool keeps_E(StepScheme) const;
   bool dense_steps(StepScheme) const;

@@ -6,8 +6,8 @@
 //
 // a few sweeps of projected over-relaxation for each product with W_0, until y moves by rounding alone: in two colours
 // for a stencil, row by row for another M. With D from w0 the iteration contracts by max_l |w0_l - D| / (M_l + D), 0.03
-// for typical steps, M_l the eigenvalues of a stencil, or Gershgorin's bound min_i m_ii - Σ |m_ij| of another M; it
-// begins at the extrapolation of the last two solutions. Nothing of size n x n is formed.
+// for typical steps. M_l are the eigenvalues of a stencil, or Gershgorin's bound min_i m_ii - Σ |m_ij| of another M.
+// The first iterate is the extrapolation of the last two solutions. Nothing of size n x n is formed.
 
 #include "../lcp/active_set.hpp"
 #include "../lcp/stencil.hpp"

@@ -1,6 +1,6 @@
 #pragma once
-// The steps of a march in stages, one after the other: which of them implicit Euler takes, because the state jumps in
-// them, and what the next one has to know of them.
+// The steps of a march in stages, one after the other. Implicit Euler takes those in which the state jumps. This class
+// keeps what the next step needs to know of the last ones.
 
 #include "stage_stepper.hpp"
 

@@ -11,8 +11,8 @@
 // one is below tol everywhere on [0,T] after (s T + ln 1/tol) / -ln khat(s) sweeps. Such an s exists only if kappa_0 <
 // 1. With khat(s1) = 1, errors, including rounding errors, may first grow by e^{s1 T}.
 //
-// A semidefinite M whose null space does not move the state has the same in the norm of its range, |S^1/2 y|, with
-// kappa_d = |S^+/2 W_d S^+/2|_2, or L |D^{-1} W_d S^+/2|_2 where N sees the null space
+// For a semidefinite M whose null space does not move the state, the same holds in the norm of its range, |S^1/2 y|.
+// There kappa_d = |S^+/2 W_d S^+/2|_2, or L |D^{-1} W_d S^+/2|_2 where N sees the null space
 // (core/kernel/monotone_range.hpp).
 
 #include "../kernel/discrete_problem.hpp"

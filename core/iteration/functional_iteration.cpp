@@ -128,27 +128,32 @@ class Outlook {
   RowMatrix last_;
 };
 
+// The first iterate: x^0(t) = x0 (Theorem 3.2), q_j = N x0 + g_j, or `start`. Returns an outcome if the iteration ends
+// here.
+std::optional<IterationOutcome> first_iterate(const DiscreteProblem& p, const Options& options, LcpBatch& lcp,
+                                              const Array* start, Array& y, Array& v, Result& result) {
+  Timer timer;
+  std::unique_ptr<Array> q;
+  if (!start) {
+    q = p.backend.array(p.J + 1, p.scene.constraints());
+    upload(p.backend, p.g.plus(p.start - p.g.row(0)), *q);
+  }
+  timer.lap();
+  const LcpReport report = lcp.solve(start ? *start : *q, v, y, 0);
+  count(report, timer.lap(), result);
+  // q_0 does not change any more: infeasibility there is proven.
+  if (report.infeasible == 0) return IterationOutcome{Status::infeasible, "no solution at t = 0", 0, 0};
+  start_from_given(p, options, y);
+  return std::nullopt;
+}
+
 }  // namespace
 
 IterationOutcome iterate(const DiscreteProblem& p, const Options& options, const ApplyKernel& apply, bool recordable,
                          LcpBatch& lcp, const Array& r, Array& y, Array& v, Result& result, const Array* start) {
   const double settle = std::max(0.01 * options.iteration_tolerance, 32 * epsilon);
-  Timer timer;
-  {  // x^0(t) = x0 (Theorem 3.2): q_j = N x0 + g_j
-    std::unique_ptr<Array> q;
-    if (!start) {
-      q = p.backend.array(p.J + 1, p.scene.constraints());
-      upload(p.backend, p.g.plus(p.start - p.g.row(0)), *q);
-    }
-    timer.lap();
-    const LcpReport report = lcp.solve(start ? *start : *q, v, y, 0);
-    count(report, timer.lap(), result);
-    // q_0 does not change any more: infeasibility there is proven.
-    if (report.infeasible == 0) return {Status::infeasible, "no solution at t = 0", 0, 0};
-    start_from_given(p, options, y);
-    timer.lap();
-  }
-  Timer sweeps;
+  if (auto outcome = first_iterate(p, options, lcp, start, y, v, result)) return *outcome;
+  Timer timer, sweeps;
   // Short sweeps are recorded once; they then do all rows, since leaving out what has settled would save nothing.
   std::function<void()> sweep;
   if (recordable && !lcp.at_once)

@@ -1,9 +1,9 @@
 #pragma once
 // The state of a dense scene, stepped together with y instead of computed from it.
 //
-// With y given, rounding errors of y in x_j = E x_{j-1} + L u_{j-1} + R u_j, u = B y + f, grow like the free state, by
-// e^{lambda T} for an eigenvalue lambda > 0 of A, although y stabilises the state. Therefore the active rows S of y are
-// solved again at every step for the state of this march:
+// With y given, x_j = E x_{j-1} + L u_{j-1} + R u_j, u = B y + f. Rounding errors of y grow in it like the free state,
+// by e^{lambda T} for an eigenvalue lambda > 0 of A, although y stabilises the state. Therefore the active rows S of y
+// are solved again at every step for the state of this march:
 //
 //     delta_S = -(M + N R B)_SS^{-1} (M y_j + N x_j + g_j)_S,   y_j -> y_j + delta,   x_j -> x_j + R B delta.
 //

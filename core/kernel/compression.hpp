@@ -48,8 +48,8 @@ struct InitialFit {
 InitialFit fit_initial_response(Backend&, const KroneckerDynamics&, const ExponentialSum&, double h, double T);
 
 /// Error of the response to this x0: 2-norm over all modes, relative to Σ_k |n_k| |x0_k| in the eigenvectors of a line.
-/// Estimated from e^{nu t} between the samples, with a factor of 4 for other times: by the eigenvalue with the largest
-/// error, or, if that is too large, by all eigenvalues and the components of this x0.
+/// Estimated from e^{nu t} between the samples, with a factor of 4 for other times. The eigenvalue with the largest
+/// error decides or, if that error is too large, all eigenvalues and the components of this x0.
 double initial_error(Backend&, const KroneckerDynamics&, const InitialFit&, const Vector& x0);
 
 /// Contribution of x0 to z_0 of a recurrence: `initial` = D E / C, for any grid. Empty if a C_k is zero.

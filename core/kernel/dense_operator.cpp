@@ -8,7 +8,6 @@
 #include "core/kernel/kernel.hpp"
 #include "core/kernel/recurrence.hpp"
 #include "core/kernel/weight_check.hpp"
-#include "core/seam/communicator.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -138,7 +137,7 @@ class DenseOperator : public TimeOperator {
   // Compares multiplications of one application: the recurrence against transforms of length 2J.
   bool by_fft(ConvolutionChoice choice) const override {
     if (choice != ConvolutionChoice::automatic) return choice == ConvolutionChoice::fft;
-    if (ranks_of(p_.backend) > 1) return false;  // a state goes from slab to slab
+    if (p_.backend.ranks() > 1) return false;  // a state goes from slab to slab
     return !scan_is_cheaper(double(p_.scene.states()), double(p_.scene.constraints()), double(p_.J));
   }
 

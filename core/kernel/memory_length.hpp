@@ -1,6 +1,6 @@
 #pragma once
-// Memory length of a mode. Decaying weights soon fall below the rounding error of their sum: with the slowest
-// exponential E of a mode, about 37/|log E| lags matter. A convolution with few of them is a direct sum.
+// Memory length of a mode. Decaying weights soon fall below the rounding error of their sum. With the slowest
+// exponential E of a mode, about 37/|log E| lags matter. A convolution with few such lags is a direct sum.
 
 #include "recurrence.hpp"
 

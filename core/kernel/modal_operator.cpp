@@ -7,7 +7,6 @@
 #include "core/kernel/modal_states.hpp"
 #include "core/kernel/recurrence.hpp"
 #include "core/kernel/transfer_fit.hpp"
-#include "core/seam/communicator.hpp"
 
 #include <cmath>
 
@@ -171,7 +170,7 @@ class ModalOperator : public TimeOperator {
  protected:
   KernelWeights kernel_weights(ConvolutionChoice choice) override {
     const auto parameters = contour_parameters(0);
-    const bool scans = choice == ConvolutionChoice::scan || ranks_of(p_.backend) > 1;  // a state goes from slab to slab
+    const bool scans = choice == ConvolutionChoice::scan || p_.backend.ranks() > 1;  // a state goes from slab to slab
     if (choice != ConvolutionChoice::fft && (fits() || scans))
       return {weights(p_.J, nullptr, 0),
               fits() ? text("scan of %ld exponentials a mode, fitted to contour values (%ld nodes a window)",

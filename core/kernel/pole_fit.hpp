@@ -1,16 +1,15 @@
 #pragma once
 // Few poles for dynamics that are known by shifted solves. H(z) of core/host/pole_model.hpp is computed at a few dozen
 // nodes, poles are picked for all its entries together, and residues are a least-squares fit. Three more nodes decide
-// how many poles there are. Six others have no part in any of this: they give the error of the finished model.
+// how many poles there are. Six others are not used for the fit: they give the error of the finished model.
 //
 // Nodes. All weights of a grid with step h are integrals of H along a curve to the right of the poles:
 //
 //     W_d = 1/(2 pi i) ∫ F_d(z) H(z) dz,   |F_d(z)| = h |e^{(d-1)hz} phi1(hz)^2|  (see kernel.hpp).
 //
-// The curve is the imaginary axis from 0.3/T to 8/h, bent to the left from there, where e^{hz} decays; the nodes are on
-// it, on the arc |z| = 8/h that closes the region of the stages of Radau IIA, and have the weight
-// sqrt(min(1, |hz|)) e^{min(0, Re hz)}. Faster parts of the state than 8/h are not resolved by a step: they are in the
-// constant D.
+// The curve is the imaginary axis from 0.3/T to 8/h, bent to the left from there, where e^{hz} decays. The nodes are on
+// it and on the arc |z| = 8/h that closes the region of the stages of Radau IIA. Their weight is sqrt(min(1, |hz|))
+// e^{min(0, Re hz)}. Faster parts of the state than 8/h are not resolved by a step: they are in the constant D.
 //
 // Poles. Real, from a logarithmic grid, picked by a column-pivoted QR of their Cauchy matrix at the nodes. As they are
 // negative, every model is stable. Spectra far from the real axis have none of this; the fit then misses its tolerance.
@@ -37,7 +36,7 @@ struct PoleFit {
 };
 
 /// Largest error at the nodes held out, of each block (constraints or components) x (y, a source, x0), with the weights
-/// above, relative to the largest value of the block: up to this a fit may replace lag weights.
+/// above, relative to the largest value of the block. Up to this limit a fit may replace lag weights.
 inline constexpr double accepted_pole_error = 1e-9;
 
 struct PoleLimits {

@@ -1,7 +1,7 @@
 #pragma once
 // Modes that a time grid does not resolve. A method that replaces e^{h lambda} by a rational function (Radau IIA,
-// implicit Euler) turns growth into decay for h Re lambda > 2 or so, and damps oscillations with h Im lambda > 1. It
-// does so with h/2 too, so comparing the two grids shows nothing.
+// implicit Euler) turns growth into decay for h Re lambda > 2 or so, and damps oscillations with h Im lambda > 1. The
+// same happens with h/2, so a comparison of the two grids does not show it.
 
 #include "discrete_problem.hpp"
 
@@ -11,8 +11,8 @@
 
 namespace bromwich {
 
-/// The matrix of the state of dense dynamics while the set S of y is active, A - B_S M_SS^{-1} N_S, or A restricted by
-/// the constraints N_S x = const; none if neither M_SS nor (N B)_SS is nonsingular.
+/// The matrix of the state of dense dynamics while the set S of y is active: A - B_S M_SS^{-1} N_S, or A restricted by
+/// the constraints N_S x = const. None if M_SS and (N B)_SS are both singular.
 std::optional<Matrix> closed_matrix(const Matrix& A, const Matrix& B, const Matrix& N, const Matrix& M,
                                     const std::vector<Index>& S);
 
@@ -25,8 +25,8 @@ std::optional<Complex> unresolved_growth(const DiscreteProblem&, const RowMatrix
 std::optional<Complex> damped_growth(const DiscreteProblem&, const RowMatrix& y, const RowMatrix& x,
                                      double (*damping)(Complex z));
 
-/// lambda of the fastest weakly damped oscillation of these modes that makes up at least a tenth of the state, and of
-/// which the method removes or adds a third while its active set lasts. `damping` is log |R(z)| of the method, z = h
+/// lambda of the fastest weakly damped oscillation of these modes. It makes up at least a tenth of the state, and the
+/// method removes or adds a third of it while its active set lasts. `damping` is log |R(z)| of the method, z = h
 /// lambda.
 std::optional<Complex> unresolved_oscillation(const DiscreteProblem&, const RowMatrix& y, const RowMatrix& x,
                                               double (*damping)(Complex z));

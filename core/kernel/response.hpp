@@ -20,8 +20,8 @@ RowMatrix from_line_modes(Backend&, const SecondDifference& across, const RowMat
 /// x0 in modes, along the face only (`both` = false) or across it too: n x across.points.
 RowMatrix x0_in_modes(Backend&, const KroneckerDynamics&, const Vector& x0, bool both);
 
-/// x_j of x' = A x + u with u piecewise linear on the grid (exponential) or sampled at the right ends (Euler), for
-/// given inputs u_j = B y_j + f_j in R^m plus the defects of single steps: (J+1) x m, row 0 = x0.
+/// x_j of x' = A x + u, (J+1) x m, row 0 = x0. u is piecewise linear on the grid (exponential) or sampled at the right
+/// ends (Euler), with u_j = B y_j + f_j in R^m plus the defects of single steps.
 RowMatrix dense_states(const StepOperators&, const Vector& x0, const RowMatrix& u, const StepDefects* = nullptr);
 
 }  // namespace bromwich

@@ -11,9 +11,9 @@
 // must have principal minors of the same signs as M + W_0. Then no root has crossed -1, and errors of y decay without
 // alternating: M > h/2 for K = 1, M > h^2/4 for K = t; the step resolves what M damps.
 //
-// A semidefinite M whose null space the dynamics do not see (monotone_range.hpp) leaves to them what does not matter: M
-// + W_0 and M_delta then have to be definite on the range of M + M^T. Where N sees it, each B y has an active set with
-// a regular M_SS, and those minors are compared.
+// If the dynamics do not see the null space of a semidefinite M (monotone_range.hpp), M + W_0 and M_delta have to be
+// definite on the range of M + M^T only. Where N sees it, each B y has an active set with a regular M_SS, and those
+// minors are compared.
 
 #include "../numerics/alternation.hpp"
 #include "discrete_problem.hpp"

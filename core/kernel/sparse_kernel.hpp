@@ -24,10 +24,10 @@ struct SparseKernel {
 };
 
 /// Starts with the sector estimated for the spectrum (the contour is shifted to the right of a positive abscissa) and
-/// widens it until the kernel is consistent: neighbouring windows agree where they meet, and so does another contour
-/// for the smallest and the largest times. An eigenvalue missed by the contour of one window lies inside that of an
-/// earlier one, so the two disagree. Empty if no contour reaches `accepted_contour_error`: an oscillating or strongly
-/// non-normal A. Throws Error if f is given per state and there are too many states.
+/// widens it until the kernel is consistent. Neighbouring windows then agree where they meet, and another contour
+/// agrees for the smallest and the largest times. An eigenvalue missed by the contour of one window lies inside that of
+/// an earlier one, so the two disagree. Empty if no contour reaches `accepted_contour_error`: an oscillating or
+/// strongly non-normal A. Throws Error if f is given per state and there are too many states.
 std::optional<SparseKernel> sparse_kernel(const DiscreteProblem&, const std::vector<Index>& components);
 
 /// The components for which the kernel was made, from its weights: (J+1) x c.

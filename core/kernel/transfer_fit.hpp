@@ -1,10 +1,10 @@
 #pragma once
 // Functions of z as sums of few poles, for methods that see e^{At} only through a rational rule.
 //
-// A one-step rule with coefficients in z/h, convolution quadrature, evaluates the transfer function F(z) of a
-// convolution at the eigenvalues of Delta(zeta)/h, |zeta| <= 1: implicit Euler at (1 - zeta)/h, Radau IIA with two
-// stages at the roots of (hz)^2 - (4 + 2 zeta) hz + 6 (1 - zeta) = 0. For mode l of a Kronecker sum F_l(z) = G(z -
-// mu_l). All these z - mu_l lie in a bounded part of the right half-plane, where
+// A one-step rule (convolution quadrature) evaluates the transfer function F(z) of a convolution at the eigenvalues of
+// Delta(zeta)/h, |zeta| <= 1. For implicit Euler this is (1 - zeta)/h; for Radau IIA with two stages, the roots of
+// (hz)^2 - (4 + 2 zeta) hz + 6 (1 - zeta) = 0. For mode l of a Kronecker sum F_l(z) = G(z - mu_l). All these z - mu_l
+// lie in a bounded part of the right half-plane, where
 //
 //     G(z) ≈ Σ_k c_k / (z - s_k) + b + a z,     s_k <= 0 real.
 //

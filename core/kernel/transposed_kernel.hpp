@@ -4,8 +4,8 @@
 //
 //     (K^T u)_i = Σ_{j>=i} W_{j-i}^T u_j   (i >= 1),      (K^T u)_0 = Σ_{j>=1} S_j^T u_j,
 //
-// and u_0 has no effect. In reversed time, u~_k = u_{J+1-k}, the first is the convolution of u~ with W_d^T: that of the
-// kernel B^T e^{A^T t} N^T, a recurrence with E^T, C^T for the input and G^T for the output.
+// and u_0 has no effect. In reversed time, u~_k = u_{J+1-k}, the first is the convolution of u~ with W_d^T. Its kernel
+// is B^T e^{A^T t} N^T; as a recurrence it has E^T, C^T for the input and G^T for the output.
 
 #include "space_time_kernel.hpp"
 #include "weights.hpp"

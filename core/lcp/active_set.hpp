@@ -8,9 +8,9 @@
 //
 // Facts used: P: the solution is unique; semismooth Newton on min(y, w) is an active-set exchange that can cycle,
 // Murty's least-index rule always ends (Murty, Linear Algebra Appl. 7, 1974). Z: the least element is reached from the
-// empty set by monotone additions, and the problem is infeasible exactly when an added block's solution is not positive
-// (Chandrasekaran, Opsearch 7, 1970; Cottle, Pang, Stone, The Linear Complementarity Problem). PSD: the solutions form
-// a convex set, so that an isolated solution is unique; otherwise the one of least norm is returned
+// empty set by monotone additions. The problem is infeasible exactly when the solution of an added block is not
+// positive (Chandrasekaran, Opsearch 7, 1970; Cottle, Pang, Stone, The Linear Complementarity Problem). PSD: the
+// solutions form a convex set, so that an isolated solution is unique; otherwise the one of least norm is returned
 // (core/lcp/least_norm.hpp). A matrix that is both PSD and Z is treated as Z: the least element has the least norm.
 
 #include "lcp_class.hpp"
@@ -100,7 +100,7 @@ class ActiveSetLcp {
     bool well_conditioned;
   };
   static constexpr std::size_t most_judged_ = 16;  ///< a march alternates between few sets
-  std::vector<JudgedSet> judged_;                  ///< PSD: the last sets whose M_SS was looked at; the latest first
+  std::vector<JudgedSet> judged_;                  ///< PSD: the last sets whose M_SS was examined; the latest first
   Vector positive_;                                ///< y >= 0 in scaled units, of is_confirmed
   std::vector<Index> positive_set_;
   SlackTerms slack_terms_;

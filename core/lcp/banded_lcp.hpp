@@ -1,6 +1,6 @@
 #pragma once
-// LCP(q, M), one after another, for a P-matrix M whose entries, and those of its inverses, decay away from the
-// diagonal, as those of M + W_0 of a diffusion do: the principal pivot transform P(S) of core/lcp/active_set.hpp
+// LCP(q, M), one after another, for a P-matrix M. Its entries and those of its inverses decay away from the diagonal,
+// as those of M + W_0 of a diffusion do. The principal pivot transform P(S) of core/lcp/active_set.hpp is therefore
 // kept as a band. Entries below eps of the largest are dropped: n of them stay below the rounding bound n eps of a
 // product.
 //
@@ -8,8 +8,8 @@
 // M       M_        n x (2 b + 1), half-bandwidth b
 // P(S)    P_        n x (2 w + 1), half-bandwidth w >= b, widened when an exchange would fill in beyond it
 //
-// A problem with unchanged active set S costs n (2w + 1) multiplications instead of n |S|, an exchange of one index
-// 2 (2w + 1)^2 instead of n^2, and M and P(S) stay in the caches. Every solution is verified with M itself.
+// A problem with unchanged active set S costs n (2w + 1) multiplications instead of n |S|; an exchange of one index
+// costs 2 (2w + 1)^2 instead of n^2. M and P(S) stay in the caches. Every solution is verified with M itself.
 
 #include "../base/simd.hpp"
 

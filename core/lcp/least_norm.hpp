@@ -10,8 +10,8 @@
 //
 // (Then y + eps y' solves the Tikhonov problem up to eps^2 y', whose modulus of monotonicity is eps: the limit is y.)
 //
-// A monotone problem without a solution has no feasible point: v >= 0 with M^T v <= 0 and q^T v < 0 exists (Farkas),
-// and v = lim eps y_eps is one: v_S = -(I - M_SS M_SS^+) q_S.
+// A monotone problem without a solution has no feasible point, so v >= 0 with M^T v <= 0 and q^T v < 0 exists (Farkas).
+// v = lim eps y_eps is one: v_S = -(I - M_SS M_SS^+) q_S.
 
 #include "matrix.hpp"
 

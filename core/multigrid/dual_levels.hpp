@@ -1,9 +1,8 @@
 #pragma once
-// The time grids of cycles in w (core/dual/dual_weights.hpp). They are TimeLevels like those of cycles in y: with P in
-// place of M, V - P delta in place of K and s in place of r, so that y, v and r of a TimeLevel hold w, (V - P delta) w
-// and s. Only the smoother differs, a projected step or LCP(P, .) where the primal form solves LCP(M + D I, .), and the
-// coarse grids, which exist down to the fewest steps that the backend likes, since V_0 alone decides. The coarsest grid
-// is marched.
+// The time grids of cycles in w (core/dual/dual_weights.hpp). They are TimeLevels like those of cycles in y, with P in
+// place of M, V - P delta in place of K and s in place of r. So y, v and r of a TimeLevel hold w, (V - P delta) w and
+// s. Two things differ. The smoother is a projected step or LCP(P, .), where the primal form solves LCP(M + D I, .).
+// Coarse grids exist down to BackendTraits::fewest_steps, since V_0 alone decides. The coarsest grid is marched.
 //
 // Stages of Radau IIA do not nest: a stage of a step of 2h is none of a step of h. The coarse grid of one with stages
 // is that of implicit Euler with the same step, which the ends of the steps share (defect correction); its cycles go on

@@ -74,12 +74,12 @@ struct TimeLevels {
   std::size_t size() const { return grids.size(); }
 };
 
-/// A coarser grid needs BackendTraits::fewest_steps, and kappa_0 (core/iteration/forecast.hpp) below 0.1; or below 1
-/// where the symbol of a sweep (core/multigrid/smoothing.hpp) is known, at most 1 at frequency 0 and below 0.8 at the
-/// high ones. M + W_0 is P there. A cycle asks the coarsest one for which a sweep multiplies what that cannot see by
-/// `far_smoothed` at most, or the next one. None where that leaves but the finest, and it is too long to be marched in
-/// every cycle. The operator has to outlive them. The coarsest grid is swept where the symbol is known, and marched
-/// otherwise. r holds the response on each grid, y is zero.
+/// A coarser grid needs BackendTraits::fewest_steps, and kappa_0 (core/iteration/forecast.hpp) below 0.1. kappa_0 below
+/// 1 is enough where the symbol of a sweep (core/multigrid/smoothing.hpp) is known to be at most 1 at frequency 0 and
+/// below 0.8 at the high ones. M + W_0 is P there. A cycle asks the coarsest one for which a sweep multiplies what that
+/// cannot see by `far_smoothed` at most, or the next one. None where that leaves but the finest, and it is too long to
+/// be marched in every cycle. The operator has to outlive them. The coarsest grid is swept where the symbol is known,
+/// and marched otherwise. r holds the response on each grid, y is zero.
 TimeLevels time_levels(TimeOperator&, const Options&);
 
 inline constexpr Index enough_steps = 96;     ///< of the coarsest of three grids or more, where it is swept

@@ -19,9 +19,8 @@
 
 namespace bromwich {
 
-/// The linear part with rows of phi and gamma, h apart and linear between, added to its sources. phi has m values, or n
-/// that enter through B with `of_trace`;
-/// without rows it is 0.
+/// The linear part, with phi and gamma added to its sources. They are given by rows, h apart and linear in between. phi
+/// has m values, or, with `of_trace`, n values that enter through B; without rows it is 0.
 Scene with_rest(const Scene& linear, bool of_trace, RowMatrix phi, RowMatrix gamma, double h);
 
 class FrozenWindows final : public WindowsOfSteps {

@@ -3,12 +3,12 @@
 //
 //     0 <= y_k  ⊥  F_k(y_k) >= 0,   y_k in R^n.
 //
-// Josephy-Newton: each iteration solves LCP(F_k(y) - J y, J) with the Jacobian J at y (Josephy 1979), and steps of half
-// the length follow where it does not reduce max |min(d_i y_i, F_i)|, d the diagonal of J. y stays nonnegative, so that
-// F_k is evaluated there alone. Where F_k is affine the first iteration ends.
+// Josephy-Newton: each iteration solves LCP(F_k(y) - J y, J) with the Jacobian J at y (Josephy 1979). Where this does
+// not reduce max |min(d_i y_i, F_i)|, d the diagonal of J, the step is halved. y stays nonnegative, so F_k is evaluated
+// at y >= 0 only. Where F_k is affine the first iteration ends.
 //
-// The Jacobian differs from problem to problem, and F_k is a function of the host: the batches of a backend
-// (core/seam/plans.hpp) share one matrix, so these problems are divided among the threads of the host instead.
+// The batches of a backend (core/seam/plans.hpp) share one matrix. Here the Jacobian differs from problem to problem,
+// and F_k is a function of the host, so these problems are divided among the threads of the host.
 
 #include "../base/threads.hpp"
 

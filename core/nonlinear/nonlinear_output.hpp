@@ -2,7 +2,7 @@
 // Results of nonlinear systems between their time points, and in the form of linear ones.
 //
 // Where y is continuous the result is that of the linear scene whose sources hold phi and gamma of the result, linear
-// between the time points: y is a line between them, and x is carried by e^{sA} from the time point before
+// between the time points. y is linear between them, too, and e^{sA} carries x from the time point before
 // (core/solve/dense_output.hpp). Where y may jump a step of the length that is left is solved by Josephy-Newton.
 
 #include "../result/result.hpp"

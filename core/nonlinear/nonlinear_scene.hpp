@@ -4,8 +4,8 @@
 //
 //     x' = A x + B y + f(t) + phi(t, x, y),   0 <= y  ⊥  w = N x + M y + g(t) + gamma(t, x, y) >= 0,   x(0) = x0.
 //
-// The split is free. What stands in A, B, N and M is discretised exactly in time and is what the iteration freezes (W =
-// A); what stands in phi and gamma is taken as linear between the time points.
+// The split is free. Terms in A, B, N and M are discretised exactly in time, and the iteration freezes them (W = A).
+// Terms in phi and gamma are taken as linear between the time points.
 //
 // In large scenes phi and gamma may be functions of what the constraints see, v = N x, and phi may enter through B:
 //

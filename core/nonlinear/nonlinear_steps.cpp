@@ -163,6 +163,47 @@ NewtonOutcome NonlinearSteps::y_at(Index j, const Vector& x, Vector& y) const {
   return outcome;
 }
 
+struct NonlinearSteps::Equations {
+  Vector R, w, terms;          ///< terms: the sizes of what is summed in w
+  Matrix by_x, by_y, of_w, M;  ///< R_X, R_Y, N + gamma_x, M + gamma_y
+  std::string why = {};        ///< a value is not finite
+};
+
+NonlinearSteps::Equations NonlinearSteps::equations(Index j, const Vector& X, const Vector& Y, const Vector& known,
+                                                    const std::vector<Vector>& g_at) const {
+  const Index nodes = Index(step_.nodes.size()), m = X.size() / nodes, n = Y.size() / nodes;
+  Equations e{X - known,
+              Vector(nodes * n),
+              Vector(nodes * n),
+              Matrix::Identity(nodes * m, nodes * m),
+              Matrix::Zero(nodes * m, nodes * n),
+              Matrix::Zero(nodes * n, nodes * m),
+              Matrix::Zero(nodes * n, nodes * n)};
+  for (Index k = 0; k < nodes; ++k) {
+    const double t = k + 1 == nodes ? time(j) : time(j - 1) + step_.nodes[std::size_t(k)] * h_;
+    const Vector x_k = X.segment(k * m, m), y_k = Y.segment(k * n, n);
+    const Linearization phi = linearize(scene_->phi, scene_->dphi, m, t, x_k, y_k);
+    const Linearization gamma = linearize(scene_->gamma, scene_->dgamma, n, t, x_k, y_k);
+    e.why = not_finite("phi", phi);
+    if (e.why.empty()) e.why = not_finite("gamma", gamma);
+    if (!e.why.empty()) return e;
+    const Vector F = B_ * y_k + phi.value;
+    const Matrix F_y = B_ + phi.by_y;
+    for (Index i = 0; i < nodes; ++i) {
+      const Matrix& W = step_.weights[std::size_t(i)][std::size_t(k)];
+      e.R.segment(i * m, m) -= W * F;
+      e.by_x.block(i * m, k * m, m, m) -= W * phi.by_x;
+      e.by_y.block(i * m, k * n, m, n) -= W * F_y;
+    }
+    e.w.segment(k * n, n) = N_ * x_k + M_ * y_k + g_at[std::size_t(k)] + gamma.value;
+    e.terms.segment(k * n, n) =
+        N_.cwiseAbs() * x_k.cwiseAbs() + M_.cwiseAbs() * y_k + g_at[std::size_t(k)].cwiseAbs() + gamma.value.cwiseAbs();
+    e.of_w.block(k * n, k * m, n, m) = N_ + gamma.by_x;
+    e.M.block(k * n, k * n, n, n) = M_ + gamma.by_y;
+  }
+  return e;
+}
+
 NewtonOutcome NonlinearSteps::take(Index j, Vector& x, Vector& y) {
   const Index m = x.size(), n = y.size(), nodes = Index(step_.nodes.size());
   const double t0 = time(j - 1);
@@ -181,46 +222,23 @@ NewtonOutcome NonlinearSteps::take(Index j, Vector& x, Vector& y) {
   }
   for (double before = INFINITY; outcome.iterations < most_newton_; before = outcome.change) {
     ++outcome.iterations;
-    Vector terms(nodes * n);  // sizes of what is summed in w
-    Vector R = X - known, w(nodes * n);
-    Matrix by_x = Matrix::Identity(nodes * m, nodes * m), by_y = Matrix::Zero(nodes * m, nodes * n);
-    Matrix of_w = Matrix::Zero(nodes * n, nodes * m), M = Matrix::Zero(nodes * n, nodes * n);
-    for (Index k = 0; k < nodes; ++k) {
-      const double t = k + 1 == nodes ? time(j) : t0 + step_.nodes[std::size_t(k)] * h_;
-      const Vector x_k = X.segment(k * m, m), y_k = Y.segment(k * n, n);
-      const Linearization phi = linearize(scene_->phi, scene_->dphi, m, t, x_k, y_k);
-      const Linearization gamma = linearize(scene_->gamma, scene_->dgamma, n, t, x_k, y_k);
-      outcome.why = not_finite("phi", phi);
-      if (outcome.why.empty()) outcome.why = not_finite("gamma", gamma);
-      if (!outcome.why.empty()) return outcome;
-      const Vector F = B_ * y_k + phi.value;
-      const Matrix F_y = B_ + phi.by_y;
-      for (Index i = 0; i < nodes; ++i) {
-        const Matrix& W = step_.weights[std::size_t(i)][std::size_t(k)];
-        R.segment(i * m, m) -= W * F;
-        by_x.block(i * m, k * m, m, m) -= W * phi.by_x;
-        by_y.block(i * m, k * n, m, n) -= W * F_y;
-      }
-      w.segment(k * n, n) = N_ * x_k + M_ * y_k + g_at[std::size_t(k)] + gamma.value;
-      terms.segment(k * n, n) = N_.cwiseAbs() * x_k.cwiseAbs() + M_.cwiseAbs() * y_k + g_at[std::size_t(k)].cwiseAbs() +
-                                gamma.value.cwiseAbs();
-      of_w.block(k * n, k * m, n, m) = N_ + gamma.by_x;
-      M.block(k * n, k * n, n, n) = M_ + gamma.by_y;
-    }
-    const Eigen::PartialPivLU<Matrix> lu(by_x);
-    const Vector free = -lu.solve(R);         // dX without a change of Y
-    const Matrix response = -lu.solve(by_y);  // of dX to dY
-    const Matrix reduced = M + of_w * response;
+    const Equations e = equations(j, X, Y, known, g_at);
+    if (!e.why.empty()) return outcome.why = e.why, outcome;
+    const Eigen::PartialPivLU<Matrix> lu(e.by_x);
+    const Vector free = -lu.solve(e.R);         // dX without a change of Y
+    const Matrix response = -lu.solve(e.by_y);  // of dX to dY
+    const Matrix reduced = e.M + e.of_w * response;
     Vector next = Y;
-    if (n > 0 && !solve_lcp(reduced, M, w + of_w * free - reduced * Y, next)) return outcome.why = no_solution, outcome;
+    if (n > 0 && !solve_lcp(reduced, e.M, e.w + e.of_w * free - reduced * Y, next))
+      return outcome.why = no_solution, outcome;
     const Vector dX = free + response * (next - Y);
     if (!dX.allFinite()) return outcome.why = "its iterate is not finite", outcome;
     X += dX;
     const double of_x = relative(dX, X, size_x_), of_y = relative(next - Y, next, size_y_);
-    outcome.change = lost_in_slack(reduced, next - Y, terms) ? of_x : std::max(of_x, of_y);
+    outcome.change = lost_in_slack(reduced, next - Y, e.terms) ? of_x : std::max(of_x, of_y);
     Y = next;
     outcome.solved = outcome.change <= tolerance_ || (outcome.change <= stalled && outcome.change > before / 2);
-    if (outcome.solved && turns_growth_round(by_x, lu)) {
+    if (outcome.solved && turns_growth_round(e.by_x, lu)) {
       outcome.solved = false;
       outcome.why = "phi makes the states grow by more than e^2 in this step";
       return outcome;

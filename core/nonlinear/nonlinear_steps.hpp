@@ -15,6 +15,7 @@
 #include <array>
 #include <optional>
 #include <string>
+#include <vector>
 
 namespace bromwich {
 
@@ -57,6 +58,10 @@ class NonlinearSteps {
   LcpClass lcp_class(const Vector& x, const Vector& y) const;
 
  private:
+  /// The equations of a step, linearized at (X, Y): R, w and their derivatives.
+  struct Equations;
+  Equations equations(Index j, const Vector& X, const Vector& Y, const Vector& known,
+                      const std::vector<Vector>& g_at) const;
   bool solve_lcp(const Matrix& M, const Matrix& of_y, const Vector& q, Vector& y) const;
 
   const NonlinearScene* scene_;
@@ -65,7 +70,7 @@ class NonlinearSteps {
   double tolerance_;
   Index most_newton_;
   bool least_ = false;                     ///< the least element is selected: class Z
-  mutable std::optional<LcpClass> class_;  ///< of the last matrix that was looked at
+  mutable std::optional<LcpClass> class_;  ///< of the last matrix that was examined
   double size_x_ = 0, size_y_ = 0;         ///< the largest values so far
   ExponentialStep step_;
   RowMatrix increments_;  ///< s_i: row (j - 1) nodes + i of step j

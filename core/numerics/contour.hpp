@@ -54,8 +54,8 @@ Contour near_contour(const ContourParameters&, double h);
 /// stored); its error is about 2^-128 or (rho/radius)^128, plus rounding of eps e^{h radius}. Empty for h rho > 9.
 std::optional<Contour> circle(double rho, double h);
 
-/// The contour of (2.2) of the Laplace-inversion paper with its printed parameters for one time point t:
-/// gamma = 0.794, mu = sqrt(P)/4, dv = 2.0603/sqrt(P); the paper gives the error as e^{-2.06 sqrt P}/sqrt P (2.8).
+/// The contour of (2.2) of the Laplace-inversion paper with its printed parameters for one time point t: gamma = 0.794,
+/// mu = sqrt(P)/4, dv = 2.0603/sqrt(P). The paper gives the error as e^{-2.06 sqrt P}/sqrt P (2.8).
 Contour literal_contour(Index P, double t);
 
 }  // namespace bromwich

@@ -1,5 +1,5 @@
 #pragma once
-// A few rows of a space-time array stored by columns, so that a product with a sparse matrix A is one short vector
+// A few rows of a space-time array stored by columns. A product with a sparse matrix A is then one short vector
 // operation per entry of A: (x A)_j = Σ_i A_ij x_i for all rows of the panel at once.
 
 #include "../base/threads.hpp"

@@ -1,7 +1,7 @@
 #pragma once
 // Whether the steps of a grid resolve f and g. A source that goes up and down within a few steps is far from the
-// straight line between the ends of a step: by 1 - cos(pi/k) of its size for a sine with k steps a period, 0.29 for 4.
-// Whatever a method makes of the source inside a step, y is linear there or has one or two values.
+// straight line between the ends of a step. For a sine with k steps a period the distance is 1 - cos(pi/k) of its size,
+// 0.29 for k = 4. Whatever a method makes of the source inside a step, y is linear there or has one or two values.
 
 #include "scene.hpp"
 

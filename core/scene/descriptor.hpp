@@ -23,8 +23,8 @@ double reciprocal_condition(const SparseMatrix& X);
 /// In such units X has a reciprocal condition above m eps; of a diagonal X: no zero on the diagonal.
 bool is_regular(const SparseMatrix& X);
 
-/// Describes a singular E: its rank, and whether the system has index 1 (the algebraic part can be solved for),
-/// index 2 or more, or a singular pencil: det(s E - A) = 0 for all s, no initial value has exactly one solution. Above
+/// Describes a singular E: its rank, and whether the system has index 1 (the algebraic part can be solved), index 2 or
+/// more, or a singular pencil. det(s E - A) is 0 for all s then, and no initial value has exactly one solution. Above
 /// 512 rows their number alone.
 std::string describe_singular(const SparseMatrix& E, const SparseMatrix& A);
 

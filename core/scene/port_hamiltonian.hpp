@@ -26,8 +26,8 @@ struct PortHamiltonian {
   Index ports() const { return B.cols(); }
 
   /// Throws Error naming the first member that breaks the structure: sizes, J + J^T = 0, R and Q^T E symmetric and
-  /// positive semidefinite (to rounding, whatever the units of the rows), E regular; of a singular E it says what the
-  /// system is (describe_singular).
+  /// positive semidefinite (to rounding, whatever the units of the rows), E regular. For a singular E it describes the
+  /// system (describe_singular).
   void validate() const;
 
   SparseMatrix state_matrix() const;        ///< (J - R) Q

@@ -3,8 +3,8 @@
 //
 //     size + u_of - u_in = 0   (decimal logarithms; u: sizes of the variables)
 //
-// in the sense of weighted least squares. A term below 1 has a small weight, as it hardly says how large a variable is.
-// Weights and sizes are found in turn.
+// in the sense of weighted least squares. A term below 1 has a small weight, since it hardly determines the size of a
+// variable. Weights and sizes are computed alternately.
 
 #include "../base/types.hpp"
 

@@ -3,7 +3,7 @@
 // of the scene, end at one where the source has a value of its own, or are found by values inside them.
 //
 // A rough step is divided into parts. g is linear on each, with one-sided values at its ends. f is given in pieces,
-// each within one part: on each the phi of f = F phi is a polynomial of degree 2 through three Gauss points,
+// each within one part. On each piece the phi of f = F phi is a polynomial of degree 2 through three Gauss points,
 //
 //     phi(start + sigma length) = c0 + c1 sigma + c2 sigma^2,   0 <= sigma <= 1,
 //

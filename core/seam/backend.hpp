@@ -26,12 +26,15 @@ using StageWeights = const Weights* const (&)[2][2];
 
 class Backend : public HostThreads {
  public:
-  explicit Backend(std::string name, const BackendTraits& traits = {}) : name_(std::move(name)), traits_(traits) {}
+  explicit Backend(std::string name, const BackendTraits& traits = {}, int ranks = 1)
+      : name_(std::move(name)), traits_(traits), ranks_(ranks) {}
 
   const std::string& name() const { return name_; }
   virtual DeviceInfo device() const = 0;
   const BackendTraits& traits() const { return traits_; }
   const FusedOperations& fused() const { return fused_; }
+  /// That share the time points of its arrays; 1: it has all of them.
+  int ranks() const { return ranks_; }
 
   // ---- Required.
 
@@ -90,8 +93,9 @@ class Backend : public HostThreads {
   /// A projected sweep for 0 <= y ⊥ r + v >= 0 with two stages in each step, the first before the second:
   ///     y_1 <- max(0, y_1 - q_1/d_11),  y_2 <- max(0, y_2 - (q_2 + d_21 (change of y_1))/d_22),   q = r + v.
   void sweep_stages(const StageDivisors&, const Array& r, const Array& v, Array& y);
-  /// `restrict_problem` from the stages of the fine grid to the ends of the same steps: R q is the mean 3/4 q_1 + 1/4
-  /// q_2 of q = r + v where y is zero at both stages or at none of them, and q_2 elsewhere. A solution stays one then.
+  /// `restrict_problem` from the stages of the fine grid to the ends of the same steps. Where y is zero at both stages
+  /// or at none of them, R q is the mean 3/4 q_1 + 1/4 q_2 of q = r + v; elsewhere it is q_2. A solution stays one
+  /// then.
   void restrict_stages(const Array& r, const Array& v, const Array& y, const Array& coarse_v, Array& coarse_r,
                        Array& coarse_y, Array& old);
   /// max_j |a_j - b_j|_inf / max(1, |a_j|_inf); NaN where a value is not finite.
@@ -120,6 +124,7 @@ class Backend : public HostThreads {
  private:
   std::string name_;
   BackendTraits traits_;
+  int ranks_;
 
  protected:
   StageOperations staged_;

@@ -1,7 +1,5 @@
 #include "core/seam/communicator.hpp"
 
-#include "core/seam/backend.hpp"
-
 #include <cmath>
 #include <limits>
 
@@ -36,11 +34,6 @@ void Communicator::maximum(Vector& values) {
 void Communicator::broadcast(double* values, Index count, int root) {
   if (rank() == root) sent_.broadcast += sizeof(double) * std::size_t(count * (size() - 1));
   do_broadcast(values, count, root);
-}
-
-int ranks_of(const Backend& backend) {
-  const auto* divided = dynamic_cast<const DividedTime*>(&backend);
-  return divided ? divided->ranks() : 1;
 }
 
 }  // namespace bromwich

@@ -18,13 +18,14 @@ struct Traffic {
 /// What core needs to know of a job of several ranks, and nothing else. Calls wait for the ranks that they need.
 class Communicator {
  public:
+  /// `rank` of `size` ranks, counted from 0.
+  Communicator(int rank, int size) : rank_(rank), size_(size) {}
   virtual ~Communicator() = default;
-  Communicator() = default;
   Communicator(const Communicator&) = delete;
   Communicator& operator=(const Communicator&) = delete;
 
-  virtual int rank() const = 0;
-  virtual int size() const = 0;
+  int rank() const { return rank_; }
+  int size() const { return size_; }
 
   /// Sends `right` to the next rank and receives `left`, of the same length there, from the one before. The last rank
   /// sends nothing; the first one receives nothing and keeps its `left`.
@@ -45,14 +46,14 @@ class Communicator {
   virtual void do_maximum(Vector& values) = 0;  ///< without NaN
   virtual void do_broadcast(double* values, Index count, int root) = 0;
 
+  const int rank_, size_;
   Traffic sent_;
 };
 
 /// The only rank of a job.
 class OneRank final : public Communicator {
  public:
-  int rank() const override { return 0; }
-  int size() const override { return 1; }
+  OneRank() : Communicator(0, 1) {}
 
  private:
   void do_shift(const Vector&, Vector&) override {}
@@ -60,16 +61,5 @@ class OneRank final : public Communicator {
   void do_maximum(Vector&) override {}
   void do_broadcast(double*, Index, int) override {}
 };
-
-/// What a backend is derived from too, if its arrays are divided among ranks.
-class DividedTime {
- public:
-  virtual ~DividedTime() = default;
-  virtual int ranks() const = 0;
-};
-
-class Backend;
-/// Ranks that share the time points of this backend; 1 for a backend that has them all.
-int ranks_of(const Backend&);
 
 }  // namespace bromwich

@@ -14,11 +14,14 @@ namespace bromwich {
 
 class Convolution;
 class LcpBatch;
+class SceneMarch;
 class SineTransform;
 struct ProjectedSweeps;
+struct SceneMarchProblem;
 
 /// Optional operations of a backend: one kernel replaces several operations, or the device replaces the host. An empty
-/// one is replaced by required operations or by core/host (see the members of Backend of the same name).
+/// one is replaced by required operations or by core/host (see the members of Backend of the same name), scene_march by
+/// core/batch.
 struct FusedOperations {
   /// Records operations without running them, and returns their replay. Their arrays and plans must outlive it. Returns
   /// an empty function if replay gains nothing: arrays of `values` numbers make the launch overhead negligible.
@@ -36,6 +39,8 @@ struct FusedOperations {
   std::function<std::unique_ptr<StepChain>(const StepChainProblem&)> step_chain;
   std::function<std::unique_ptr<AffineChain>(const AffineChainSizes&)> affine_chain;
   std::function<ComplexMatrix(const Dynamics&, const ComplexVector& nodes)> resolvent;
+  /// For at most so many scenes at a time (scene_march.hpp). Returns null for problems that it does not take.
+  std::function<std::unique_ptr<SceneMarch>(const SceneMarchProblem&, Index scenes)> scene_march;
 };
 
 /// The lower triangular matrix that a sweep over both stages of a step divides by (Backend::sweep_stages).

@@ -40,6 +40,11 @@ class Convolution : public Plan {
   /// Optional, for a modal recurrence with an `initial`: from now on x0 contributes Σ_k D_k E_k^j to row j >= 1 of each
   /// mode, D: K x n. Empty: another x0 needs another plan.
   std::function<void(const Array& D)> start_from;
+
+  /// Optional, for a modal recurrence: from now on z_0 = G0 y_0 + z in the modes for which this returns true, z: K x n
+  /// values. The others leave z out. Then apply(y, v, first) keeps what was added to rows of v before `first` in the
+  /// modes that leave z out.
+  std::function<const std::vector<bool>&(const Vector& z)> begin_with;
 };
 
 struct LcpReport {
@@ -110,9 +115,9 @@ class ImmediateLcpBatch : public LcpBatch {
   LcpReport last_, all_;
 };
 
-/// A batch that makes a fixed number of sweeps of projected successive over-relaxation instead of solving its problems:
-/// y <- sweeps(y) for LCP(M + D I, r + v - D y), with the given y on the right side and as the start. Its fixed points
-/// are the solutions, whatever D. Batches report no unsolved rows.
+/// A batch that makes a fixed number of sweeps of projected successive over-relaxation instead of solving its problems.
+/// y <- sweeps(y) for LCP(M + D I, r + v - D y), with the given y on the right side and as the first iterate. Its fixed
+/// points are the solutions, whatever D. Batches report no unsolved rows.
 struct ProjectedSweeps {
   const SparseMatrix* M = nullptr;  ///< M + D I: positive diagonal, symmetric positive definite or H+
   double shift = 0;                 ///< D

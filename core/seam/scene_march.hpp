@@ -1,13 +1,12 @@
 #pragma once
-// What a backend offers besides, where it steps many small dense scenes side by side (core/batch/scene_steps.hpp), a
-// thread for each. A backend that does is derived from SceneMarcher. Without it, scenes are stepped in the lanes of
-// vectors on the threads of the host (core/batch/lane_march.hpp), with the same results.
+// Many small dense scenes stepped side by side by a backend, a thread for each (core/batch/scene_steps.hpp). The
+// operation is optional (FusedOperations::scene_march). Without it, scenes are stepped in the lanes of vectors on the
+// threads of the host (core/batch/lane_march.hpp), with the same results.
 
 #include "../base/plan.hpp"
 #include "../base/types.hpp"
 #include "array.hpp"
 
-#include <memory>
 #include <vector>
 
 namespace bromwich {
@@ -38,22 +37,15 @@ struct SceneMarchProblem {
 struct SceneMarchOutcome {
   std::vector<char> settled;
   Vector residual;  ///< in the units of the scenes
+  /// Rows of all scenes, one scene after the other, in their own units: K (J+1) x m and x n. The next run overwrites
+  /// them.
+  const Array *x = nullptr, *y = nullptr;
 };
 
 class SceneMarch : public Plan {
  public:
   /// x0 and y_0 of the scenes, one row each. `known`: scenes whose other solutions are not looked for.
   virtual SceneMarchOutcome run(const RowMatrix& x0, const RowMatrix& y0, const std::vector<char>& known) = 0;
-  /// Rows of all scenes, one scene after the other, in their own units: K (J+1) x m and x n.
-  virtual const Array& x() = 0;
-  virtual const Array& y() = 0;
-};
-
-class SceneMarcher {
- public:
-  virtual ~SceneMarcher() = default;
-  /// For at most so many scenes at a time. Null for problems that it does not take.
-  virtual std::unique_ptr<SceneMarch> scene_march(const SceneMarchProblem&, Index scenes) = 0;
 };
 
 }  // namespace bromwich

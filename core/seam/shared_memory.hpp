@@ -1,6 +1,6 @@
 #pragma once
-// What a backend offers besides, where programs beside bromwich work in the memory of its arrays (DLPack). A backend
-// that does is derived from this class too.
+// Memory that a backend shares with other programs (DLPack). A backend whose arrays lie in such memory is derived from
+// this class, too.
 
 #include "../lcp/matrix.hpp"
 #include "array.hpp"

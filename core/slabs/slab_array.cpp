@@ -4,11 +4,9 @@
 
 namespace bromwich {
 
-HostRows::HostRows(Backend& local, Array& array) : local_(local), array_(array), cols_(array.cols()) {
-  if (const auto* host = dynamic_cast<const HostValues*>(&local)) {
-    values_ = host->values(array);
-    return;
-  }
+HostRows::HostRows(Backend& local, Array& array)
+    : local_(local), array_(array), values_(array.host_values()), cols_(array.cols()) {
+  if (values_) return;
   local.download(array, copy_);
   values_ = copy_.data();
 }

@@ -2,7 +2,6 @@
 // Arrays of a backend that divides time, and what moves their rows between ranks and to the host.
 
 #include "../seam/backend.hpp"
-#include "../seam/host_values.hpp"
 #include "slabs.hpp"
 
 #include <memory>

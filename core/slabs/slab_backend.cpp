@@ -22,10 +22,12 @@ bool aligned(const Slabs& fine, const Slabs& coarse) {
   return true;
 }
 
-class SlabBackend final : public Backend, public DividedTime {
+class SlabBackend final : public Backend {
  public:
   SlabBackend(std::unique_ptr<Backend> local, Communicator& communicator)
-      : Backend(local->name(), local->traits()), local_(std::move(local)), ranked_{*local_, communicator} {
+      : Backend(local->name(), local->traits(), communicator.size()),
+        local_(std::move(local)),
+        ranked_{*local_, communicator} {
     const FusedOperations& own = local_->fused();
     fused_.upload_product = [this](const RowMatrix& amplitudes, const Matrix& shapes, Array& to) {
       upload_product_here(amplitudes, shapes, to);
@@ -51,7 +53,6 @@ class SlabBackend final : public Backend, public DividedTime {
     refuse_stages();
   }
 
-  int ranks() const override { return ranked_.communicator.size(); }
   DeviceInfo device() const override {
     DeviceInfo info = local_->device();
     info.detail += (info.detail.empty() ? "" : ", ") + std::to_string(ranks()) + " ranks";

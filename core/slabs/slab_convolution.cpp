@@ -1,7 +1,6 @@
 #include "core/slabs/slab_convolution.hpp"
 
 #include "core/base/error.hpp"
-#include "core/seam/carried_convolution.hpp"
 #include "core/slabs/slab_states.hpp"
 
 #include <algorithm>
@@ -36,7 +35,6 @@ class SlabConvolution final : public Convolution {
       : ranked_(ranked), slabs_(slabs), state_(weights), added_to_(slabs.rows()) {
     const Weights local = of_rank(weights, ranked.first());
     plan_ = ranked.local.convolution(WeightsRef(&local), slabs.rows());
-    if constexpr (modal) carried_ = dynamic_cast<CarriedConvolution*>(plan_.get());
     const int ranks = ranked.communicator.size();
     Index shortest = slabs.steps;
     for (int r = 1; r + 1 < ranks; ++r) shortest = std::min(shortest, slabs.count(r));
@@ -51,8 +49,9 @@ class SlabConvolution final : public Convolution {
     Vector z = exchange(y, rows, idle);
     if (idle) return;
     // z is that of the call before too. Where later rows have nothing of it, the plan goes on alone.
-    if (carried_ && here > slabs_.own() && here > added_to_) return plan_->apply(local_part(y), local_part(v), here);
-    begin_with(z);
+    if (plan_->begin_with && here > slabs_.own() && here > added_to_)
+      return plan_->apply(local_part(y), local_part(v), here);
+    hand_over(z);
     plan_->apply(local_part(y), local_part(v), 0);
     added_to_ = 0;
     if (z.isZero(0)) return;
@@ -102,9 +101,9 @@ class SlabConvolution final : public Convolution {
   }
 
   // What the plan takes of z needs no addition to v.
-  void begin_with(Vector& z) {
-    if (!carried_) return;
-    const std::vector<bool>& taken = carried_->begin_with(z);
+  void hand_over(Vector& z) {
+    if (!plan_->begin_with) return;
+    const std::vector<bool>& taken = plan_->begin_with(z);
     const Index n = Index(taken.size());
     for (Index i = 0; i < z.size(); ++i)
       if (taken[std::size_t(i % n)]) z[i] = 0;
@@ -131,9 +130,8 @@ class SlabConvolution final : public Convolution {
   State state_;
   Index added_to_;  ///< the last row that step 5 has changed
   std::unique_ptr<Convolution> plan_;
-  CarriedConvolution* carried_ = nullptr;  ///< the plan, if its state can begin with values
-  std::vector<Index> lasting_;             ///< values of the state that go to all ranks
-  Vector message_;                         ///< the state at the end of the slab, and the last row of y
+  std::vector<Index> lasting_;  ///< values of the state that go to all ranks
+  Vector message_;              ///< the state at the end of the slab, and the last row of y
 };
 
 }  // namespace

@@ -2,10 +2,10 @@
 // Which time points belong to which rank. With J steps, rank r owns the rows (ends_r, ends_{r+1}] of a space-time
 // array, a slab of time; row 0 belongs to rank 0.
 //
-// The same point of time has the same owner on the grids with J, J/2, J/4, .. steps, so that values of a finer grid are
-// where a coarser one needs them: the ends are multiples of the step of the coarsest of these grids that is divided. A
-// grid is divided while a rank has `fewest_steps_of_a_slab` of its steps in the mean. Every rank holds a shorter one as
-// a whole, and computes it as the others do.
+// A point of time has the same owner on the grids with J, J/2, J/4, .. steps, so that values of a finer grid are where
+// a coarser one needs them. For that the ends are multiples of the step of the coarsest of these grids that is divided.
+// A grid is divided while a rank has `fewest_steps_of_a_slab` of its steps in the mean. Every rank holds a shorter one
+// as a whole, and computes it as the others do.
 
 #include "../seam/communicator.hpp"
 

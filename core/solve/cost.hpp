@@ -20,7 +20,7 @@ Cost predicted_cost(const Scene&, Method, Index J, Index components, int threads
 /// The part of the memory that is on a device with its own memory, without operations.
 Cost predicted_device_cost(const Scene&, Method, Index J, Index components);
 
-/// Whether this part is free there; true if the backend has no memory of its own.
+/// Whether the device has that many bytes free; true if the backend uses the memory of the host.
 bool fits_on_device(const Scene&, Method, Index J, Index components, const DeviceInfo&);
 
 /// Refuses runs that are too large: an operating system that overcommits memory would kill them without a message.

@@ -1,11 +1,11 @@
 #pragma once
 // Error control: the step is halved until the error, estimated from the grids themselves, is below a tolerance.
 //
-// core/accuracy/grid_differences.hpp makes an error of the differences of the grids, core/accuracy/convergence.hpp says
-// of what: y, or its mean where y jumps, and the states. y_0 does not depend on the grid and is left out; an error in
-// the first steps counts like any other, at the time points that a grid has. To the discretisation come the error of
-// the weights (kernel_error |y|), that of the iteration, c/(1-c) times the last change where sweeps contract by c, and
-// rounding, carried along the solution.
+// core/accuracy/grid_differences.hpp estimates an error from the differences of the grids.
+// core/accuracy/convergence.hpp decides what is compared: y, or its mean where y jumps, and the states. y_0 does not
+// depend on the grid and is left out. An error in the first steps counts like any other, at the time points that a grid
+// has. To the discretisation come the error of the weights (kernel_error |y|), that of the iteration, c/(1-c) times the
+// last change where sweeps contract by c, and rounding, carried along the solution.
 
 #include "stage.hpp"
 
@@ -14,12 +14,12 @@ namespace bromwich {
 /// What the sweeps after the last one would still change, from the changes of all sweeps.
 double iteration_error(const std::vector<double>& history);
 
-/// Where controls_error(options): solves on J, 2J, 4J, ... steps, J = options.steps or as often half of the
-/// scene's default as leaves 16 steps and an integer. Returns the finest grid: `solved` where it has at least the
-/// scene's steps and the estimate, with two observed orders behind it, is below 0.8 of the tolerance (a fifth is left
-/// for the estimate to err). Otherwise it goes on until a budget is spent (max_steps, max_seconds, memory) or nothing
-/// can be gained any more, and ends as tolerance_not_met with what stood in the way. Where y may jump, a grid of 3/4 of
-/// the steps has to agree. Counts are those of the finest grid, seconds those of all.
+/// Where controls_error(options): solves on J, 2J, 4J, ... steps, J = options.steps or as often half of the scene's
+/// default as leaves 16 steps and an integer. Returns the finest grid. It is `solved` where it has at least the steps
+/// of the scene and the estimate, with two observed orders behind it, is below 0.8 of the tolerance. The remaining
+/// fifth is for the error of the estimate. Otherwise it goes on until a budget is spent (max_steps, max_seconds,
+/// memory) or nothing can be gained any more, and ends as tolerance_not_met with what stood in the way. Where y may
+/// jump, a grid of 3/4 of the steps has to agree. Counts are those of the finest grid, seconds those of all.
 ///
 /// Small dense scenes with initial values are first given to event-driven integration (core/solve/event_control.hpp),
 /// whose errors are far below the tolerance; grids are for what it does not take, or gives up.

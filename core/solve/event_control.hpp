@@ -11,7 +11,7 @@
 
 namespace bromwich {
 
-/// What has to be reached, and how hard to try.
+/// The tolerance, and the limits of the attempt.
 struct EventGoal {
   double tolerance = 0;  ///< 0: none, and the grid is that of the options
   bool of_y = true, of_x = true;

@@ -33,9 +33,9 @@ struct PieceGoal {
   double most_seconds = 0;  ///< of all of them; 0: no limit
 };
 
-/// Divides cells where e_k is above a quarter until all e_k meet the goal, and halves all steps once more: the
-/// difference has to fall by sqrt(2) at least (or be below a twentieth), and with the order that it shows, 1 at most,
-/// it gives the error. Empty where that is not reached.
+/// Divides cells where e_k is above a quarter until all e_k meet the goal, and halves all steps once more. The
+/// difference has to fall by sqrt(2) at least, or be below a twentieth. With the observed order, 1 at most, it gives
+/// the error. Empty where that is not reached.
 std::optional<Result> refine_pieces(const Scene&, Backend&, const InnerOptions&, const Solve&, Index cells,
                                     const PieceGoal&);
 

@@ -5,7 +5,6 @@
 #include "core/base/text.hpp"
 #include "core/base/timer.hpp"
 #include "core/scene/coarse_sources.hpp"
-#include "core/seam/communicator.hpp"
 #include "core/solve/stages.hpp"
 
 #include <algorithm>
@@ -50,7 +49,7 @@ void validate(const Scene& scene, const Options& options) {
 
 // Ranks that share the time points run methods over all of them at once, and nothing that depends on a clock.
 void validate_ranks(const Scene& scene, const Backend& backend, const Options& options) {
-  const int ranks = ranks_of(backend);
+  const int ranks = backend.ranks();
   if (ranks == 1) return;
   const Index steps = options.steps > 0 ? options.steps : scene.default_steps;
   if (steps < ranks)

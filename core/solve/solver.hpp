@@ -21,11 +21,11 @@ namespace bromwich {
 /// What is kept, by method: march, euler and dual of dense scenes and Kronecker sums, contour and multigrid of all:
 /// everything but r, x0's part of it and y. Sparse and supplied dynamics have x0 and f as columns of the shifted
 /// solves: a new g costs nothing, a new x0 or f these solves. With a tolerance every grid is kept, by its number of
-/// steps, and a later solve makes only grids that no earlier one has used; with a memory limit the coarse grids are
-/// given up first. All grids share e^{hA} and its phi-functions (halved steps need one doubling), fits of the kernel,
-/// shifted solves, the spectrum and the class of M (`made` counts them); method galerkin shares the phi-functions. Made
-/// anew by every solve: Radau IIA and split steps, the event-driven integration that a tolerance tries first, intervals
-/// of method galerkin, method goal, the elimination of free rows and of a mass matrix. Natural units are those of the
+/// steps. A later solve makes only grids that no earlier one has used. With a memory limit the coarse grids are dropped
+/// first. All grids share e^{hA} and its phi-functions (halved steps need one doubling), fits of the kernel, shifted
+/// solves, the spectrum and the class of M (`made` counts them); method galerkin shares the phi-functions. Made anew by
+/// every solve: Radau IIA and split steps, the event-driven integration that a tolerance tries first, intervals of
+/// method galerkin, method goal, the elimination of free rows and of a mass matrix. Natural units are those of the
 /// first solve, so results differ from those of `solve` by rounding.
 ///
 /// changed       made again

@@ -1,6 +1,6 @@
 #pragma once
-// Errors of the times of switches. Interpolation between rows is the smaller part of such an error if y itself has an
-// error, or jumps. The same method on J/2 and on 3J/4 steps shows the other part: switches that agree by chance on one
+// Errors of the times of switches. If y itself has an error, or jumps, interpolation between rows is the smaller part
+// of such an error. The same method on J/2 and on 3J/4 steps shows the other part: switches that agree by chance on one
 // of the two grids do not agree on the other.
 
 #include "../result/switching.hpp"

@@ -152,12 +152,10 @@ const char* form(const Scene& scene) {
                                 : "supplied";
 }
 
-}  // namespace
+using Bound = nb::class_<Model>;
 
-void bind_scenes(nb::module_& m) {
-  nb::class_<Model>(m, "Model", nb::type_slots(cycle_slots),
-                    "What is solved. Pieces are set one by one; `validate` looks at all of them.")
-      .def_static("empty", [] { return std::make_shared<Model>(); })
+void bind_dynamics(Bound& model) {
+  model
       .def(
           "set_dense",
           [](Model& s, const Array2& A, const Array2& B, const Array2& N, const std::optional<Array2>& E) {
@@ -211,7 +209,11 @@ void bind_scenes(nb::module_& m) {
             s.scene.dynamics = supplied_dynamics(states, matrix(B), matrix(N), prepares, multiplies, spectral);
           },
           nb::arg("states"), nb::arg("B"), nb::arg("N"), nb::arg("shifted"), nb::arg("mass").none(),
-          nb::arg("bound").none())
+          nb::arg("bound").none());
+}
+
+void bind_data(Bound& model) {
+  model
       .def(
           "set_M", [](Model& s, const Array2& M) { s.scene.M = Matrix(as_matrix(M)); }, nb::arg("M"))
       .def(
@@ -245,8 +247,11 @@ void bind_scenes(nb::module_& m) {
           nb::arg("E0"), nb::arg("ET"), nb::arg("b"))
       .def(
           "set_lcp_class", [](Model& s, const std::string& word) { s.scene.lcp_class = lcp_class(word); },
-          nb::arg("word"))
-      .def("validate", [](const Model& s) { s.scene.validate(); })
+          nb::arg("word"));
+}
+
+void bind_facts(Bound& model) {
+  model.def("validate", [](const Model& s) { s.scene.validate(); })
       .def_prop_rw(
           "name", [](const Model& s) { return s.scene.name; },
           [](Model& s, std::string v) { s.scene.name = std::move(v); })
@@ -270,6 +275,17 @@ void bind_scenes(nb::module_& m) {
       .def("x0", [](const Model& s) { return std::vector<double>(s.scene.x0.begin(), s.scene.x0.end()); })
       .def(
           "exact", [](const Model& s, double t) { return exact(s.scene, t); }, nb::arg("t"));
+}
+
+}  // namespace
+
+void bind_scenes(nb::module_& m) {
+  Bound model(m, "Model", nb::type_slots(cycle_slots),
+              "What is solved. Pieces are set one by one; `validate` looks at all of them.");
+  model.def_static("empty", [] { return std::make_shared<Model>(); });
+  bind_dynamics(model);
+  bind_data(model);
+  bind_facts(model);
   m.def(
       "relay",
       [](const Array2& A, const Array2& B, const Array2& C, const Source* f, const Array1& x0, const Source* e) {

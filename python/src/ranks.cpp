@@ -77,7 +77,7 @@ std::vector<double> facts_of(const Scene& scene, const Options& o) {
 }  // namespace
 
 PythonRanks::PythonRanks(nb::object ranks)
-    : ranks_(std::move(ranks)), rank_(nb::cast<int>(ranks_.attr("rank"))), size_(nb::cast<int>(ranks_.attr("size"))) {}
+    : Communicator(nb::cast<int>(ranks.attr("rank")), nb::cast<int>(ranks.attr("size"))), ranks_(std::move(ranks)) {}
 
 void PythonRanks::do_shift(const Vector& right, Vector& left) {
   const nb::gil_scoped_acquire lock;

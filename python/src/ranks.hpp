@@ -17,9 +17,6 @@ class PythonRanks final : public Communicator {
  public:
   explicit PythonRanks(nb::object ranks);
 
-  int rank() const override { return rank_; }
-  int size() const override { return size_; }
-
  private:
   void do_shift(const Vector& right, Vector& left) override;
   void do_gather(const Vector& values, RowMatrix& all) override;
@@ -27,7 +24,6 @@ class PythonRanks final : public Communicator {
   void do_broadcast(double* values, Index count, int root) override;
 
   nb::object ranks_;
-  int rank_, size_;
 };
 
 /// Throws Error, on all ranks, if their scenes or options differ: by sizes, sums of A, B, N, M and x0, and values of f

@@ -30,9 +30,19 @@ TEST(SceneFile, SettingsThatAreNoParametersAreRefused) {
             "my.toml:5: dynamics.A: '-1/C' is infinite; check the divisions in it and the values of the parameters");
 }
 
-TEST(SceneFile, MistakesNameFileLineAndKey) {
+// Messages name file, line and key, and say what to do.
+void expect_refused(const std::vector<Refused>& cases) {
+  for (const Refused& bad : cases) {
+    const std::string found = refusal([&] { parse(bad.text); });
+    EXPECT_TRUE(found.starts_with(bad.message)) << found << "\nexpected: " << bad.message;
+    EXPECT_EQ(found.find('\n'), std::string::npos) << found;
+    EXPECT_NE(found.find("; "), std::string::npos) << found;  // what to do
+  }
+}
+
+TEST(SceneFile, MistakesInTheFormNameFileLineAndKey) {
   const std::string without_x0 = with(7, "");
-  const std::vector<Refused> cases{
+  expect_refused({
       // TOML itself
       {with(6, "B = [[1"), "my.toml:7: "},
       {with(6, "B = [[1]]\nB = [[2]]"), "my.toml:7: "},
@@ -66,6 +76,11 @@ TEST(SceneFile, MistakesNameFileLineAndKey) {
       {with(0, "[free]\nrows = [0, 0]"), "my.toml:14: free.rows: row 0 after row 0; give each row once"},
       {with(0, "[relay]\nC = [[1]]"), "my.toml:14: relay.C: found [relay] and [complementarity]; give one of the two"},
       {"name = 3\n" + lines(small_scene), "my.toml:1: name: found 3; give a text in quotes"},
+  });
+}
+
+TEST(SceneFile, MistakesInParametersAndMatricesNameFileLineAndKey) {
+  expect_refused({
       // parameters
       {with(2, "R = \"C\""), "my.toml:2: parameters.R: 'C' uses 'C', which is not defined"},
       {with(2, "R = true"), "my.toml:2: parameters.R: found true; give a finite number"},
@@ -91,6 +106,11 @@ TEST(SceneFile, MistakesNameFileLineAndKey) {
       {with(10, "M = [[1, 0], [0, 1]]"), "my.toml:10: complementarity.M: is 2 x 2; make it constraints x constraints"},
       {with(10, "M = [[1]]\nclass = \"Q\""), "my.toml:11: complementarity.class: found 'Q'"},
       {with(5, "A = \"missing.mtx\""), "my.toml:5: dynamics.A: the file 'missing.mtx' does not exist"},
+  });
+}
+
+TEST(SceneFile, MistakesInFunctionsAndTimesNameFileLineAndKey) {
+  expect_refused({
       // vectors and functions
       {with(7, "x0 = 3"), "my.toml:7: dynamics.x0: found 3; give a list"},
       {with(7, "x0 = [3, 4]"), "my.toml:7: dynamics.x0: has 2 entries; give 1, one per state"},
@@ -119,13 +139,7 @@ TEST(SceneFile, MistakesNameFileLineAndKey) {
       {with(0, "[reference]\nt = 1\ny = [1, 2]"), "my.toml:15: reference.y: has 2 entries; give 1"},
       {with(0, "[reference]\ntolerance = 0"), "my.toml:14: reference.tolerance: found 0; give a positive number"},
       {with(0, "[reference]\nstatus = \"done\""), "my.toml:14: reference.status: found 'done'; use one of solved"},
-  };
-  for (const Refused& bad : cases) {
-    const std::string found = refusal([&] { parse(bad.text); });
-    EXPECT_TRUE(found.starts_with(bad.message)) << found << "\nexpected: " << bad.message;
-    EXPECT_EQ(found.find('\n'), std::string::npos) << found;
-    EXPECT_NE(found.find("; "), std::string::npos) << found;  // what to do
-  }
+  });
 }
 
 TEST(SceneFile, ZWithAPositiveOffDiagonalEntryIsRefusedAtItsLine) {

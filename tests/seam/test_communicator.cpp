@@ -24,9 +24,7 @@ TEST(Communicator, ThreadsAreRanks) {
 TEST(Communicator, TheContractFindsAFault) {
   class Broken final : public Communicator {
    public:
-    explicit Broken(Communicator& inner) : inner_(inner) {}
-    int rank() const override { return inner_.rank(); }
-    int size() const override { return inner_.size(); }
+    explicit Broken(Communicator& inner) : Communicator(inner.rank(), inner.size()), inner_(inner) {}
 
    private:
     void do_shift(const Vector& right, Vector& left) override {
@@ -44,7 +42,7 @@ TEST(Communicator, TheContractFindsAFault) {
   });
 }
 
-TEST(Communicator, ABackendOfItsOwnHasOneRank) { EXPECT_EQ(ranks_of(*make_cpu_backend(1)), 1); }
+TEST(Communicator, ABackendOfItsOwnHasOneRank) { EXPECT_EQ(make_cpu_backend(1)->ranks(), 1); }
 
 }  // namespace
 }  // namespace bromwich

@@ -19,22 +19,20 @@ struct ThreadBoard {
 
 class ThreadRank final : public Communicator {
  public:
-  ThreadRank(ThreadBoard& board, int rank) : board_(board), rank_(rank) {}
-  int rank() const override { return rank_; }
-  int size() const override { return int(board_.values.size()); }
+  ThreadRank(ThreadBoard& board, int rank) : Communicator(rank, int(board.values.size())), board_(board) {}
 
  private:
   // Every rank shows its values, and reads those of others before any of them shows the next ones.
   template <class Read>
   void exchange(const Vector& shown, Read read) {
-    board_.values[std::size_t(rank_)] = shown;
+    board_.values[std::size_t(rank())] = shown;
     board_.barrier.arrive_and_wait();
     read(board_.values);
     board_.barrier.arrive_and_wait();
   }
   void do_shift(const Vector& right, Vector& left) override {
     exchange(right, [&](const auto& all) {
-      if (rank_ > 0) left = all[std::size_t(rank_ - 1)];
+      if (rank() > 0) left = all[std::size_t(rank() - 1)];
     });
   }
   void do_gather(const Vector& values, RowMatrix& to) override {
@@ -54,7 +52,6 @@ class ThreadRank final : public Communicator {
   }
 
   ThreadBoard& board_;
-  int rank_;
 };
 
 /// Runs `body` on `size` ranks; the exception of the first rank that threw one is thrown again. All ranks have to throw
