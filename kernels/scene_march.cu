@@ -253,12 +253,15 @@ class DeviceSceneMarch final : public SceneMarch {
     check(cudaGetLastError(), "stepping scenes");
     turn_around(x_, m_, x_up_, x_down_, rows_of_x_);
     turn_around(y_, n_, y_up_, y_down_, rows_of_y_);
-    SceneMarchOutcome outcome{std::vector<char>(std::size_t(K)), Vector(K), &rows_of_x_, &rows_of_y_};
+    SceneMarchOutcome outcome{std::vector<char>(std::size_t(K)), Vector(K)};
     get(lost_, lost.data(), K);
     get(residual_, outcome.residual.data(), K);
     for (std::size_t k = 0; k < lost.size(); ++k) outcome.settled[k] = !lost[k];
     return outcome;
   }
+
+  const Array& x() override { return rows_of_x_; }
+  const Array& y() override { return rows_of_y_; }
 
   std::size_t bytes() const override {
     std::size_t sum = 2 * (x_.bytes() + y_.bytes()) + residual_.bytes() + lost_.bytes() + known_.bytes();

@@ -1,7 +1,7 @@
 #pragma once
-// The first touch of fresh pages costs more than a copy into them. It needs no device, so host threads do it while a
-// device works. Pages of 2 MB are requested, of which there are 512 times fewer; a system without them ignores the
-// request.
+// The first touch of fresh pages costs more than a copy into them. It needs no device, so that threads of their own do
+// it while one works. Pages of 2 MB are asked for, of which there are 512 times fewer; a system without them ignores
+// it.
 
 #include <sys/mman.h>
 

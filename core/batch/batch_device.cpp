@@ -39,7 +39,7 @@ std::vector<Index> BatchRun::march_on_device(const LanePlan& plan, const std::ve
     if (whole) touch.emplace(result_.y.data(), std::size_t(result_.y.size()));
     const SceneMarchOutcome outcome = march->run(starts.x0, starts.y0, starts.other);
     touch.reset();
-    download_rows(outcome, whole, y, x);
+    download_rows(*march, whole, y, x);
     Index settled = 0;
     for (Index i = 0; i < count; ++i) {
       const Index k = scenes[std::size_t(i)];
@@ -93,14 +93,14 @@ BatchRun::DeviceStarts BatchRun::starts_of(const LanePlan& plan, const Index* gr
   return starts;
 }
 
-void BatchRun::download_rows(const SceneMarchOutcome& outcome, bool whole, RowMatrix& y, RowMatrix& x) {
+void BatchRun::download_rows(SceneMarch& march, bool whole, RowMatrix& y, RowMatrix& x) {
   RowMatrix& to = whole ? result_.y : y;
   if (!whole && to.size() == 0) {
-    to.resize(outcome.y->rows(), outcome.y->cols());
+    to.resize(march.y().rows(), march.y().cols());
     const FirstTouch before_the_copy(to.data(), std::size_t(to.size()));
   }
-  backend_.download(*outcome.y, to);
-  if (result_.x.size() > 0 || result_.w.size() > 0) backend_.download(*outcome.x, x);
+  backend_.download(march.y(), to);
+  if (result_.x.size() > 0 || result_.w.size() > 0) backend_.download(march.x(), x);
 }
 
 // Scene k from row i (J+1) of the tables of a device.

@@ -53,7 +53,7 @@ class BatchRun {
   DeviceStarts starts_of(const LanePlan&, const Index* group, Index count, const Vector& g0,
                          std::vector<Index>& rest) const;
   std::vector<Index> march_on_device(const LanePlan&, const std::vector<Index>& group);
-  void download_rows(const SceneMarchOutcome&, bool whole, RowMatrix& y, RowMatrix& x);
+  void download_rows(SceneMarch&, bool whole, RowMatrix& y, RowMatrix& x);
   void keep_rows(const LanePlan&, Index k, Index i, bool whole, const RowMatrix& y, const RowMatrix& x);
   Index march(const std::vector<Prepared>&);
   Index march_range(LaneMarch&, const Prepared* first, Index count);

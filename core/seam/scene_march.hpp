@@ -37,15 +37,15 @@ struct SceneMarchProblem {
 struct SceneMarchOutcome {
   std::vector<char> settled;
   Vector residual;  ///< in the units of the scenes
-  /// Rows of all scenes, one scene after the other, in their own units: K (J+1) x m and x n. The next run overwrites
-  /// them.
-  const Array *x = nullptr, *y = nullptr;
 };
 
 class SceneMarch : public Plan {
  public:
   /// x0 and y_0 of the scenes, one row each. `known`: scenes whose other solutions are not looked for.
   virtual SceneMarchOutcome run(const RowMatrix& x0, const RowMatrix& y0, const std::vector<char>& known) = 0;
+  /// Rows of all scenes, one scene after the other, in their own units: K (J+1) x m and x n.
+  virtual const Array& x() = 0;
+  virtual const Array& y() = 0;
 };
 
 }  // namespace bromwich

@@ -280,12 +280,12 @@ void bind_facts(Bound& model) {
 }  // namespace
 
 void bind_scenes(nb::module_& m) {
-  Bound model(m, "Model", nb::type_slots(cycle_slots),
+  Bound bound(m, "Model", nb::type_slots(cycle_slots),
               "What is solved. Pieces are set one by one; `validate` looks at all of them.");
-  model.def_static("empty", [] { return std::make_shared<Model>(); });
-  bind_dynamics(model);
-  bind_data(model);
-  bind_facts(model);
+  bound.def_static("empty", [] { return std::make_shared<Model>(); });
+  bind_dynamics(bound);
+  bind_data(bound);
+  bind_facts(bound);
   m.def(
       "relay",
       [](const Array2& A, const Array2& B, const Array2& C, const Source* f, const Array1& x0, const Source* e) {

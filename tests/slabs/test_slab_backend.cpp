@@ -12,7 +12,6 @@
 #include "core/slabs/slab_states.hpp"
 #include "core/slabs/slabs.hpp"
 #include "tests/support/reference.hpp"
-#include "tests/support/reference_backend.hpp"
 #include "tests/support/refusal.hpp"
 #include "tests/support/run.hpp"
 #include "tests/support/thread_ranks.hpp"
@@ -28,9 +27,6 @@ namespace bromwich {
 namespace {
 
 using reference::Random;
-using MakeBackend = std::unique_ptr<Backend> (*)();
-
-std::unique_ptr<Backend> one_thread() { return make_cpu_backend(1); }
 
 // ---- which rows are whose ----
 
