@@ -51,13 +51,18 @@ bool GridRefinement::holds_inside() {
 
 bool GridRefinement::misses_inside() const {
   const bool galerkin = solved_->method == Method::galerkin && options_.method == Method::galerkin;
-  return solved_->jumps_inside || takes_g_at_points() ||
+  return solved_->jumps_inside || takes_g_at_points() || has_rough_intervals() ||
          (galerkin && !scene_.boundary && scene_.free_rows.empty() && Methods::has_small_dense_state(scene_));
 }
 
 bool GridRefinement::takes_g_at_points() const {
   return scene_.g && !scene_.breakpoints.empty() && !scene_.boundary && scene_.free_rows.empty() &&
          !Methods::has_small_dense_state(scene_) && !solved_->defects;
+}
+
+bool GridRefinement::has_rough_intervals() const {
+  return scene_.boundary && !scene_.breakpoints.empty() && scene_.free_rows.empty() && scene_.constraints() > 0 &&
+         Methods::has_small_dense_state(scene_);
 }
 
 void GridRefinement::estimate() {
@@ -149,7 +154,9 @@ std::optional<std::string> GridRefinement::why_unchecked() const {
 
 std::string GridRefinement::limit_of_grids() const {
   const ErrorEstimate& e = *solved_->errors;
-  if (goal_.y > 0 && e.total() - discretisation(e) > accepted * goal_.y)
+  // What cycles leave beside a larger error of the grid becomes less on finer grids.
+  const double left = e.iteration > discretisation(e) ? e.iteration : 0;
+  if (goal_.y > 0 && e.total() - discretisation(e) - e.iteration + left > accepted * goal_.y)
     return text(
         "the weights of the kernel are known to %s, the iteration leaves %.1e and rounding %.1e: no grid does better",
         std::isnan(e.kernel) ? "full precision" : text("%.1e", e.kernel).c_str(), e.iteration, e.rounding);
