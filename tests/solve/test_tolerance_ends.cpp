@@ -35,9 +35,11 @@ TEST(ErrorControl, SaysBeforeThatNoGridWillDo) {
 
 // 1e12 periods: at the times of any grid the source is noise. The first grid says so.
 TEST(ErrorControl, GivesUpSourcesThatNoGridResolves) {
-  Scene scene = make_scene("dlcp-small");
-  scene.f = [](double t, Eigen::Ref<Vector> v) { v.setConstant(std::sin(6e12 * t)); };
-  scene.f_entry = SourceEntry::state;
+  Scene scene;
+  scene.dynamics = DenseDynamics{Matrix{{-1}}, Matrix{{1}}, Matrix{{1}}};
+  scene.M = Matrix{{1}};
+  scene.f = [](double t, Eigen::Ref<Vector> v) { v[0] = std::sin(6e12 * t); };
+  scene.x0 = Vector{{1}};
   const Result result = run(scene, options_to(1e-3, Method::march));
   EXPECT_EQ(result.status, Status::tolerance_not_met);
   EXPECT_NE(result.reason.find("no grid of"), std::string::npos) << result.reason;
