@@ -3,6 +3,7 @@
 #include "core/base/error.hpp"
 #include "core/base/interruption.hpp"
 #include "core/base/text.hpp"
+#include "core/solve/beside_march.hpp"
 #include "core/solve/methods.hpp"
 #include "core/solve/pieces.hpp"
 
@@ -172,7 +173,7 @@ Result GridRefinement::solve_on(Index J, Method method) {
   } else {
     one.tuning.first_iterate = grids_.empty() ? options_.tuning.first_iterate : nullptr;
   }
-  const bool looks_inside = may_look_inside();
+  const bool looks_inside = may_look_inside() || has_rough_intervals();
   if (looks_inside) one.states = StateSelection::all;
   const double before = clock_.lap();
   Result result = solve_(scene_, backend_, one);
@@ -181,6 +182,18 @@ Result GridRefinement::solve_on(Index J, Method method) {
   elapsed_ += before + last_seconds_;
   spent_ = spent_ + result.seconds;
   return result;
+}
+
+Result GridRefinement::blocks_by_march() {
+  InnerOptions one = options_;
+  one.tolerance = one.tolerance_x = one.tolerance_y = one.absolute_tolerance = 0;
+  one.fall_back_to_euler = false;
+  one.compares_grids = true;
+  one.look_inside_every_step = true;
+  const double before = clock_.lap();
+  Result march = beside_march(scene_, backend_, one, solve_, *solved_, all_states_);
+  elapsed_ += before + clock_.lap();
+  return march;
 }
 
 void GridRefinement::keep_recorded(Result& result) {
@@ -243,7 +256,9 @@ void GridRefinement::check() {
   unchecked_ = true;
   const Index J = solved_->steps;
   if (J % 4 != 0) return;
+  RowMatrix of_solved = std::move(all_states_);
   const Result other = solve_on(J / 4 * 3);
+  all_states_ = std::move(of_solved);
   grids_.insert(grids_.end() - 1, other.steps);
   estimates_.insert(estimates_.end() - 1, NAN);
   if (other.status != Status::solved || other.method != solved_->method || other.continuous != solved_->continuous)
@@ -255,11 +270,15 @@ void GridRefinement::check() {
 
 void GridRefinement::check_beside_march() {
   Result march;
-  if (Methods::has_small_dense_state(scene_)) march = solve_on(solved_->steps, Method::march);
+  if (scene_.boundary)
+    march = blocks_by_march();
+  else if (Methods::has_small_dense_state(scene_))
+    march = solve_on(solved_->steps, Method::march);
   if (march.status == Status::solved && !march.jumps_inside && march.x.cols() == solved_->x.cols()) {
     beside_march_ = distance(march, 1, *solved_, 1, sizes_);
     return estimate();
   }
+  if (scene_.boundary) return;
   if (!solved_->jumps_inside && !takes_g_at_points()) return void(unchecked_ = !solved_->interval_rules.empty());
   missed_ = missed_between_points(scene_.g, scene_.constraints(), scene_.breakpoints, solved_->t);
   unchecked_ = !(missed_ <= goal_.smallest());

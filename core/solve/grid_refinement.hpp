@@ -64,7 +64,10 @@ class GridRefinement {
   bool misses_inside() const;
   /// The same of kinks, and of pulses with slopes, in sparse scenes and Kronecker sums.
   bool takes_g_at_points() const;
+  /// Boundary values, with y linear on intervals in which f or g jumps or has a kink.
+  bool has_rough_intervals() const;
   void check_beside_march();
+  Result blocks_by_march();
   /// Why grids of this method will not show that they miss nothing; nothing: with more steps they will.
   std::optional<std::string> why_unchecked() const;
   void estimate();

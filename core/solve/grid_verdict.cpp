@@ -19,6 +19,25 @@ constexpr double cheap = 2e8;                ///< J (m + n)^2: below, grids are 
 constexpr double out_of_reach = 4;           ///< times max_steps, predicted with the order that was seen
 constexpr double rounding_of_rows = 64 * epsilon;
 constexpr std::size_t window_when_stalled = 3;
+constexpr double shortest_piece = 0x1p-16;  ///< of a step: sources are looked at in no shorter pieces
+constexpr int looks_at_sources = 32;
+
+// Whether a source is no line on most of some intervals, which lie at irregular times: more than `share` of its size.
+bool changes_within(const TimeFunction& source, Index width, double T, double length, double share) {
+  if (!source || width == 0) return false;
+  constexpr double golden = 0.6180339887498949, inside = 0.3819660112501051;
+  double size = 0;
+  Vector from(width), between(width), to(width), off(looks_at_sources);
+  for (int k = 0; k < looks_at_sources; ++k) {
+    const double t = (T - length) * std::fmod(golden * (k + 1), 1.0);
+    source(t, from);
+    source(t + inside * length, between);
+    source(t + length, to);
+    off[k] = (between - (1 - inside) * from - inside * to).cwiseAbs().maxCoeff();
+    size = std::max(size, from.cwiseAbs().maxCoeff());
+  }
+  return (off.array() > share * size).count() > looks_at_sources / 2;
+}
 
 }  // namespace
 
@@ -51,13 +70,18 @@ bool GridRefinement::holds_inside() {
 
 bool GridRefinement::misses_inside() const {
   const bool galerkin = solved_->method == Method::galerkin && options_.method == Method::galerkin;
-  return solved_->jumps_inside || takes_g_at_points() ||
+  return solved_->jumps_inside || takes_g_at_points() || has_rough_intervals() ||
          (galerkin && !scene_.boundary && scene_.free_rows.empty() && Methods::has_small_dense_state(scene_));
 }
 
 bool GridRefinement::takes_g_at_points() const {
   return scene_.g && !scene_.breakpoints.empty() && !scene_.boundary && scene_.free_rows.empty() &&
          !Methods::has_small_dense_state(scene_) && !solved_->defects;
+}
+
+bool GridRefinement::has_rough_intervals() const {
+  return scene_.boundary && !scene_.breakpoints.empty() && scene_.free_rows.empty() && scene_.constraints() > 0 &&
+         Methods::has_small_dense_state(scene_);
 }
 
 void GridRefinement::estimate() {
@@ -119,6 +143,11 @@ bool GridRefinement::met() const {
 
 std::optional<std::string> GridRefinement::verdict() const {
   if (solved_->steps >= expected_ && judged() && met()) return "";
+  const double piece = scene_.T / double(options_.max_steps) * shortest_piece, goal = goal_.smallest();
+  if (solved_->unresolved_sources > goal && (changes_within(scene_.f, scene_.sources(), scene_.T, piece, goal) ||
+                                             changes_within(scene_.g, scene_.constraints(), scene_.T, piece, goal)))
+    return text("f or g changes within %.1e of T, which no grid of %ld steps resolves: is T in the unit of t?",
+                piece / scene_.T, long(options_.max_steps));
   if (solved_->steps < patience * expected_) return std::nullopt;
   if (const std::string limit = limit_of_grids(); !limit.empty()) return limit;
   if (unchecked_ && misses_inside()) return why_unchecked();
@@ -149,7 +178,9 @@ std::optional<std::string> GridRefinement::why_unchecked() const {
 
 std::string GridRefinement::limit_of_grids() const {
   const ErrorEstimate& e = *solved_->errors;
-  if (goal_.y > 0 && e.total() - discretisation(e) > accepted * goal_.y)
+  // What cycles leave beside a larger error of the grid becomes less on finer grids.
+  const double left = e.iteration > discretisation(e) ? e.iteration : 0;
+  if (goal_.y > 0 && e.total() - discretisation(e) - e.iteration + left > accepted * goal_.y)
     return text(
         "the weights of the kernel are known to %s, the iteration leaves %.1e and rounding %.1e: no grid does better",
         std::isnan(e.kernel) ? "full precision" : text("%.1e", e.kernel).c_str(), e.iteration, e.rounding);

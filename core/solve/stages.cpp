@@ -12,8 +12,10 @@
 #include "core/scene/port_hamiltonian.hpp"
 #include "core/scene/separable.hpp"
 #include "core/scene/source_steps.hpp"
+#include "core/solve/beside_march.hpp"
 #include "core/solve/cost.hpp"
 #include "core/solve/error_control.hpp"
+#include "core/solve/mass_rounding.hpp"
 #include "core/solve/methods.hpp"
 #include "core/solve/mixed.hpp"
 #include "core/solve/one_grid.hpp"
@@ -59,17 +61,14 @@ void check_event_location(const Scene& scene, const Options& options) {
 // Moments follow f and g inside an interval, and y is linear there. Where sources jump or go up and down inside
 // intervals, method march, which takes such steps in parts, says how much that matters.
 bool compare_with_march(const Scene& scene, Backend& backend, const InnerOptions& options, const Solve& solve,
-                        Result& result) {
-  if (result.rough_steps == 0 || scene.boundary || !scene.free_rows.empty() || !Methods::has_small_dense_state(scene))
-    return false;
-  InnerOptions one = options;
-  one.method = Method::march;
-  one.steps = result.steps;
-  const Result march = solve(scene, backend, one);
+                        const RowMatrix& x, Result& result) {
+  if (result.rough_steps == 0 || !scene.free_rows.empty() || !Methods::has_small_dense_state(scene)) return false;
+  const Result march = beside_march(scene, backend, options, solve, result, x);
   const std::string where = text("f or g jumps or changes fast inside %ld of %ld intervals, where y is linear",
                                  long(result.rough_steps), long(result.steps));
   if (march.status == Status::interrupted) return false;
   if (march.status != Status::solved) {
+    if (scene.boundary) return false;  // the states of the result need not be those that march allows
     add_warning(result, where + ", and the result could not be compared: method march ends with: " + march.reason);
     return true;
   }
@@ -104,10 +103,19 @@ void note_fast_g(const Scene& scene, Result& result) {
 Result by_galerkin(const Scene& scene, Backend& backend, const InnerOptions& options, const Solve& solve) {
   const Index J = options.steps > 0 ? options.steps : scene.default_steps;
   const Cost cost = refuse_what_does_not_fit(scene, options, J, Index(recorded_components(scene, options).size()));
-  Result result = solve_by_galerkin(scene, backend, options);
+  InnerOptions one = options;
+  const bool starts_anew = scene.boundary && !options.compares_grids && Methods::has_small_dense_state(scene);
+  if (starts_anew) one.states = StateSelection::all;
+  Result result = solve_by_galerkin(scene, backend, one);
+  RowMatrix x;
+  if (starts_anew) {
+    x = std::move(result.x);
+    result.x_components = recorded_components(scene, options);
+    result.x = x(Eigen::all, result.x_components);
+  }
   result.bytes_predicted = std::size_t(cost.bytes);
   const bool alone = !options.event_location && !options.compares_grids && result.status == Status::solved;
-  if (alone && compare_with_march(scene, backend, options, solve, result)) return result;
+  if (alone && compare_with_march(scene, backend, options, solve, x, result)) return result;
   if (!options.event_location) note_fast_g(scene, result);
   return result;
 }
@@ -125,6 +133,7 @@ std::optional<Result> mass_matrix(const Scene& scene, Backend& backend, const In
     note(options.log, LogLevel::debug, "the mass matrix E is eliminated");
     const double spent = timer.lap();
     Result result = solve(*reduced, backend, options);
+    add_rounding_of_mass(scene, backend, options, solve, result);
     result.seconds.setup += spent;
     result.seconds.total += spent;
     return result;

@@ -216,5 +216,60 @@ TEST(GalerkinBoundary, RowsAtTimesWhereNothingWasFound) {
   EXPECT_TRUE(rows.y.array().isNaN().all() && rows.x.array().isNaN().all());
 }
 
+// x' = -x + y, x(0) = x(T), w = y + 1 - 500 on (a, a + d) with d far below an interval: y = 499 there and 0 elsewhere,
+// so that x jumps by about 499 d once a period. The mean of w over an interval is positive, and no grid of few
+// intervals sees the contact: the breakpoints tell.
+Scene pulsed_contact() {
+  constexpr double a = 0.4967, d = 1e-6;
+  Scene scene;
+  scene.dynamics = DenseDynamics{Matrix{{-1}}, Matrix{{1}}, Matrix{{0}}};
+  scene.M = Matrix{{1}};
+  scene.g = [](double t, Eigen::Ref<Vector> v) { v[0] = t >= a && t < a + d ? -499 : 1; };
+  scene.breakpoints = {a, a + d};
+  scene.boundary = BoundaryCondition{Matrix{{1}}, Matrix{{-1}}, Vector::Zero(1)};
+  scene.T = 1;
+  scene.default_steps = 200;
+  return scene;
+}
+
+TEST(GalerkinBoundary, ContactsShorterThanIntervalsAreNotMissed) {
+  const Scene scene = pulsed_contact();
+  Options options = options_for(Method::galerkin, 200);
+  options.states = StateSelection::all;
+  const Result grid = run(scene, options);
+  EXPECT_FALSE(grid.warning.empty()) << "x(T) = " << grid.x(grid.steps, 0);
+  options.tolerance = 1e-3;
+  options.max_steps = 1600;
+  const Result result = run(scene, options);
+  EXPECT_EQ(result.status, Status::tolerance_not_met);
+  ASSERT_TRUE(result.error_estimate);
+  EXPECT_GT(*result.error_estimate, 0.3) << "x is 0 on these grids, an error of 1";
+}
+
+// Without the pulse in the way: a square wave, whose jumps lie inside intervals, and a mode that grows by e^20 over T,
+// with conditions at both ends. The solution is that of the two modes by themselves: y = 1 while g = -1, w = y + g.
+TEST(GalerkinBoundary, JumpsInsideIntervalsAreSolvedBesideGrowth) {
+  Scene scene;
+  scene.dynamics = DenseDynamics{Matrix{{-20, 0}, {0, 20}}, Matrix{{1}, {1}}, Matrix{{0, 0}}};
+  scene.M = Matrix{{1}};
+  constexpr double s = 0.3331;
+  scene.g = [](double t, Eigen::Ref<Vector> v) { v[0] = t < s ? -1 : 1; };
+  scene.breakpoints = {s};
+  scene.boundary = BoundaryCondition{Matrix{{1, 0}, {0, 0}}, Matrix{{0, 0}, {0, 1}}, Vector::Zero(2)};
+  scene.T = 1;
+  Options options = options_for(Method::galerkin);
+  options.states = StateSelection::all;
+  options.tolerance_x = 1e-3;
+  const Result result = run(scene, options);
+  ASSERT_EQ(result.status, Status::solved) << result.reason;
+  for (Index j = 0; j <= result.steps; ++j) {
+    const double t = result.t[j];
+    const double decays = t < s ? (1 - std::exp(-20 * t)) / 20 : (std::exp(-20 * (t - s)) - std::exp(-20 * t)) / 20;
+    const double grows = t < s ? -(1 - std::exp(20 * (t - s))) / 20 : 0;
+    EXPECT_NEAR(result.x(j, 0), decays, 1e-3 / 20) << t;
+    EXPECT_NEAR(result.x(j, 1), grows, 1e-3 / 20) << t;
+  }
+}
+
 }  // namespace
 }  // namespace bromwich

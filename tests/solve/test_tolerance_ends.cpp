@@ -33,6 +33,19 @@ TEST(ErrorControl, SaysBeforeThatNoGridWillDo) {
   EXPECT_LE(*result.error_estimate, largest_effectivity * true_error(scene, result));
 }
 
+// 1e12 periods: at the times of any grid the source is noise. The first grid says so.
+TEST(ErrorControl, GivesUpSourcesThatNoGridResolves) {
+  Scene scene;
+  scene.dynamics = DenseDynamics{Matrix{{-1}}, Matrix{{1}}, Matrix{{1}}};
+  scene.M = Matrix{{1}};
+  scene.f = [](double t, Eigen::Ref<Vector> v) { v[0] = std::sin(6e12 * t); };
+  scene.x0 = Vector{{1}};
+  const Result result = run(scene, options_to(1e-3, Method::march));
+  EXPECT_EQ(result.status, Status::tolerance_not_met);
+  EXPECT_NE(result.reason.find("no grid of"), std::string::npos) << result.reason;
+  EXPECT_LE(result.steps, scene.default_steps);
+}
+
 TEST(ErrorControl, StopsWhereMemoryEnds) {
   const Scene scene = make_scene("signorini", {{"Q", 15}});
   Options options = options_to(1e-6, Method::march);
