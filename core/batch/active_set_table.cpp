@@ -118,20 +118,24 @@ bool OtherSolutions::any(const Vector& q, const Vector& y) const {
                       if (((set >> i) & 1) != (y[i] > 0 ? 1u : 0u)) return false;
                     return true;
                   });
-  Vector other(n), w(n), terms(n);
+  using Short = Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, largest_tabulated, 1>;  // not on the heap
+  Short other(n), w(n), terms(n);
   for (std::size_t set = 0; set < inverses_.size(); ++set) {
     if (inverses_[set].size() == 0) continue;
-    other.noalias() = -(inverses_[set] * q);
-    w.noalias() = M_ * other + q;
-    terms.noalias() = size_of_M_ * other.cwiseAbs() + q.cwiseAbs();
+    other = -inverses_[set].lazyProduct(q);
     const double size = other.cwiseAbs().maxCoeff();
     bool may = true, does = true;
-    for (Index i = 0; i < n; ++i) {
-      const bool inside = (set >> i) & 1;
-      const double least = inside ? other[i] : w[i], of = inside ? size : std::max(terms[i], 1e-300);
+    const auto look = [&](double least, double of) {
       may = may && least >= -loose * of;
       does = does && least >= -strict * of;
-    }
+    };
+    for (Index i = 0; i < n && may; ++i)
+      if ((set >> i) & 1) look(other[i], size);
+    if (!may) continue;
+    w = M_.lazyProduct(other) + q;
+    terms = size_of_M_.lazyProduct(other.cwiseAbs()) + q.cwiseAbs();
+    for (Index i = 0; i < n && may; ++i)
+      if (!((set >> i) & 1)) look(w[i], std::max(terms[i], 1e-300));
     if (!may) continue;
     const double apart = (other - y).cwiseAbs().maxCoeff(), scale = std::max(size, y.cwiseAbs().maxCoeff());
     if (does && apart > 2 * distinct * scale) return true;
