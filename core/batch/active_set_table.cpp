@@ -1,5 +1,6 @@
 #include "core/batch/active_set_table.hpp"
 
+#include "core/batch/short_inverse.hpp"
 #include "core/lcp/other_solutions.hpp"
 #include "core/lcp/pivots.hpp"
 
@@ -40,16 +41,20 @@ const ActiveSetTable::Entry& ActiveSetTable::at(unsigned set) const {
 
 void ActiveSetTable::make(unsigned set, Entry& entry) const {
   const Index n = size();
-  const std::vector<Index> S = members(set, n), I = members(~set & ((1u << n) - 1), n);
-  Matrix V = Matrix::Zero(n, n);
-  for (const Index i : I) V(i, i) = 1;
-  if (!S.empty()) {
-    const Eigen::PartialPivLU<Matrix> lu(scaled_(S, S));
-    if (!(reciprocal_condition(lu) > least_condition)) return;
-    if (judged_ && !has_positive_pivots(least_of_(S, S))) return;
-    const Matrix inverse = lu.inverse();
-    V(S, S) = -inverse;
-    if (!I.empty()) V(I, S) = -scaled_(I, S) * inverse;
+  const unsigned rest = ~set & ((1u << n) - 1);
+  ShortMatrix V = ShortMatrix::Zero(n, n), inverse;
+  if (set != 0) {
+    if (!(invert(short_block(scaled_, set, set), inverse) > least_condition)) return;
+    if (judged_ && !has_positive_pivots(Matrix(short_block(least_of_, set, set)))) return;
+  }
+  const ShortMatrix of_rest =
+      set != 0 ? ShortMatrix(short_block(scaled_, rest, set).lazyProduct(inverse)) : ShortMatrix();
+  for (Index i = 0, s = 0, r = 0; i < n; ++i) {
+    const bool active = set >> i & 1u;
+    for (Index j = 0, c = 0; j < n; ++j)
+      if (set >> j & 1u) V(i, j) = active ? -inverse(s, c++) : -of_rest(r, c++);
+    if (!active) V(i, i) = 1;
+    ++(active ? s : r);
   }
   if (!V.allFinite() || V.cwiseAbs().maxCoeff() > most_inverse) return;
   for (Index i = 0; i < n; ++i)
