@@ -1,6 +1,6 @@
-// Many small dense scenes, one thread each (core/batch/scene_steps.hpp): steps and checks of a scene run in one kernel,
-// numbers of neighbouring threads lie side by side. A second kernel turns rows of scenes around and gives them the
-// units of the scenes.
+// Many small dense scenes, one thread each (core/batch/scene_steps.hpp); numbers of neighbouring threads lie side by
+// side. One kernel takes the steps, one turns rows of scenes around and gives them the units of the scenes. The checks
+// are a kernel of another stream, beside the copy of the rows to the host.
 
 #include "core/batch/scene_steps.hpp"
 #include "core/scene/natural_units.hpp"
@@ -9,6 +9,7 @@
 
 #include <cmath>
 #include <cstdint>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -135,22 +136,31 @@ struct Given {
   const double *longest, *drift, *g, *at_points, *growth_drift, *f, *seen, *euler;
   unsigned rigid;
   Index scenes;
+  const double *x0, *y0;  // rows of scenes
   double *x, *y, *residual;
-  unsigned char* lost;         // in: known to be lost; out: not settled
+  unsigned char* lost;         // not settled
   const unsigned char* known;  // other solutions are
 };
+
+template <Index m, Index n>
+__device__ Steps<m, n, double, double> steps_of(const Given& p, Index k) {
+  const Index states = p.matrices.m;
+  return {p.matrices,
+          {p.x + k, states, p.scenes},
+          {p.y + k, n, p.scenes},
+          {p.drift, nullptr, states, 1},
+          {p.g, nullptr, p.matrices.stages ? 2 * n : n, 1},
+          {p.growth_drift, nullptr, states, 1}};
+}
 
 template <Index m, Index n>
 __global__ void __launch_bounds__(threads) march_scenes(const Given p) {
   const Index k = Index(blockIdx.x) * threads + threadIdx.x;
   if (k >= p.scenes) return;
-  bool lost = p.lost[k];
-  const Index states = p.matrices.m;
-  const Source<double> drift{p.drift, nullptr, states, 1}, g{p.g, nullptr, p.matrices.stages ? 2 * n : n, 1},
-      at_points{p.at_points, nullptr, n, 1}, growth_drift{p.growth_drift, nullptr, states, 1},
-      f{p.f, nullptr, states, 1};
-  const Steps<m, n, double, double> steps{p.matrices,  {p.x + k, states, p.scenes}, {p.y + k, n, p.scenes}, drift, g,
-                                          growth_drift};
+  const auto steps = steps_of<m, n>(p, k);
+  for (Index i = 0; i < steps.m(); ++i) steps.x(0, i) = p.x0[k * steps.m() + i];
+  for (Index i = 0; i < n; ++i) steps.y(0, i) = p.y0[k * n + i];
+  bool lost = false;
   StoredProblem problem{p.steps, nullptr};
   if (p.matrices.stages) {
     if constexpr (2 * n <= scene_steps::most_unknowns)
@@ -160,6 +170,16 @@ __global__ void __launch_bounds__(threads) march_scenes(const Given p) {
     for (Index i = 0; i < n; ++i) problem.set |= steps.y(0, i) > 0 ? 1u << i : 0u;
     steps.march(problem, lost, [](Index, double*, double*) { return false; });
   }
+  p.lost[k] = lost;
+}
+
+template <Index m, Index n>
+__global__ void __launch_bounds__(threads) check_scenes(const Given p) {
+  const Index k = Index(blockIdx.x) * threads + threadIdx.x;
+  if (k >= p.scenes) return;
+  bool lost = p.lost[k];
+  const Source<double> at_points{p.at_points, nullptr, n, 1}, f{p.f, nullptr, p.matrices.m, 1};
+  const auto steps = steps_of<m, n>(p, k);
   double largest_x[m > 0 ? m : most_states];
   p.residual[k] = steps.check_rows(at_points, largest_x, lost);
   if (!lost) {
@@ -186,24 +206,60 @@ __global__ void turn(const double* from, Index columns, Index scenes, const doub
     if (k0 + i < scenes) to[(k0 + i) * columns + c] = block[threadIdx.x][i] * by / over;
 }
 
-using Kernel = void (*)(Given);
+struct Kernels {
+  void (*march)(Given);
+  void (*check)(Given);
+};
+
+template <Index m, Index n>
+constexpr Kernels kernels_of() {
+  return {march_scenes<m, n>, check_scenes<m, n>};
+}
 
 template <Index m>
-Kernel kernel_of(Index n) {
-  constexpr Kernel all[] = {march_scenes<m, 1>, march_scenes<m, 2>, march_scenes<m, 3>, march_scenes<m, 4>};
+Kernels kernels_for(Index n) {
+  constexpr Kernels all[] = {kernels_of<m, 1>(), kernels_of<m, 2>(), kernels_of<m, 3>(), kernels_of<m, 4>()};
   return all[n - 1];
 }
 
-Kernel general_kernel(Index n) {
-  constexpr Kernel all[] = {march_scenes<0, 1>, march_scenes<0, 2>, march_scenes<0, 3>, march_scenes<0, 4>,
-                            march_scenes<0, 5>, march_scenes<0, 6>, march_scenes<0, 7>, march_scenes<0, 8>};
+Kernels general_kernels(Index n) {
+  constexpr Kernels all[] = {kernels_of<0, 1>(), kernels_of<0, 2>(), kernels_of<0, 3>(), kernels_of<0, 4>(),
+                             kernels_of<0, 5>(), kernels_of<0, 6>(), kernels_of<0, 7>(), kernels_of<0, 8>()};
   return all[n - 1];
 }
 
-Kernel choose(Index m, Index n) {
-  constexpr Kernel (*small[])(Index) = {kernel_of<1>, kernel_of<2>, kernel_of<3>, kernel_of<4>};
-  return m <= 4 && n <= 4 ? small[m - 1](n) : general_kernel(n);
+Kernels choose(Index m, Index n) {
+  constexpr Kernels (*small[])(Index) = {kernels_for<1>, kernels_for<2>, kernels_for<3>, kernels_for<4>};
+  return m <= 4 && n <= 4 ? small[m - 1](n) : general_kernels(n);
 }
+
+// Tables of the host in one block of device memory, copied at once.
+class TableBlock {
+ public:
+  // `to` points to the table on the device after `upload`.
+  template <class Table>
+  void add(const Table& table, const double*& to) {
+    places_.push_back({&to, host_.size()});
+    host_.insert(host_.end(), table.data(), table.data() + table.size());
+  }
+  void upload(const Device& device) {
+    memory_ = Memory<double>(device, host_.size());
+    memory_.put(host_.data());
+    for (const Place& place : places_) *place.to = memory_.data() + place.first;
+    places_.clear();
+    host_ = {};
+  }
+  std::size_t bytes() const { return memory_.bytes(); }
+
+ private:
+  struct Place {
+    const double** to;
+    std::size_t first;
+  };
+  std::vector<Place> places_;
+  std::vector<double> host_;
+  Memory<double> memory_;
+};
 
 class DeviceSceneMarch final : public SceneMarch {
  public:
@@ -213,70 +269,96 @@ class DeviceSceneMarch final : public SceneMarch {
         n_(p.n),
         rows_(p.J + 1),
         scenes_(scenes),
-        kernel_(choose(p.m, p.n)),
+        kernels_(choose(p.m, p.n)),
+        x0_(device, std::size_t(m_ * scenes)),
+        y0_(device, std::size_t(n_ * scenes)),
         x_(device, std::size_t(rows_ * m_ * scenes)),
         y_(device, std::size_t(rows_ * n_ * scenes)),
         residual_(device, std::size_t(scenes)),
         lost_(device, std::size_t(scenes)),
         known_(device, std::size_t(scenes)),
-        rows_of_x_(device, scenes * rows_, m_),
-        rows_of_y_(device, scenes * rows_, n_) {
+        rows_of_y_(device, scenes * rows_, n_),
+        side_(device.side_streams().take()) {
     Matrices<double>& s = given_.matrices;
     s.m = m_, s.J = p.J, s.h = p.h;
-    s.E = keep(p.E), s.L = keep(p.L), s.R = keep(p.R), s.N = keep(p.N), s.M = keep(p.M), s.B = keep(p.B);
-    s.growth_E = keep(p.growth_E), s.growth_G = keep(p.growth_G);
-    s.size_of_E = keep(p.size_of_E), s.size_of_R = keep(p.size_of_R);
-    s.part = keep(p.part);
-    s.y_unit = keep(powers(p.y_unit, 1, n_)), s.w_unit = keep(powers(p.w_unit, 1, n_));
     s.surely_P = p.surely_P, s.stages = p.stages, s.most_growth = p.most_growth;
-    given_.steps = keep(p.steps), given_.growth = keep(p.growth);
-    given_.longest = keep(p.longest), given_.drift = keep(p.drift), given_.g = keep(p.g);
-    given_.at_points = keep(p.at_points), given_.growth_drift = keep(p.growth_drift), given_.f = keep(p.f);
-    given_.seen = keep(p.seen), given_.euler = p.euler.size() > 0 ? keep(p.euler) : nullptr;
+    const auto keep = [&](const auto& table, const double*& to) { tables_.add(table, to); };
+    keep(p.E, s.E), keep(p.L, s.L), keep(p.R, s.R), keep(p.N, s.N), keep(p.M, s.M), keep(p.B, s.B);
+    keep(p.growth_E, s.growth_E), keep(p.growth_G, s.growth_G);
+    keep(p.size_of_E, s.size_of_E), keep(p.size_of_R, s.size_of_R), keep(p.part, s.part);
+    keep(powers(p.y_unit, 1, n_), s.y_unit), keep(powers(p.w_unit, 1, n_), s.w_unit);
+    for (const auto& [from, to] : {std::pair(&p.steps, &given_.steps), std::pair(&p.growth, &given_.growth)}) {
+      keep(from->V, to->V), keep(from->rows, to->rows), keep(from->columns, to->columns);
+      to->all_solutions = from->all_solutions;
+    }
+    keep(p.longest, given_.longest), keep(p.drift, given_.drift), keep(p.g, given_.g);
+    keep(p.at_points, given_.at_points), keep(p.growth_drift, given_.growth_drift), keep(p.f, given_.f);
+    keep(p.seen, given_.seen);
+    if (p.euler.size() > 0) keep(p.euler, given_.euler);
+    keep(factors(p.x_unit, 1, m_), x_up_), keep(factors(p.x_unit, -1, m_), x_down_);
+    keep(factors(p.y_unit, 1, n_), y_up_), keep(factors(p.y_unit, -1, n_), y_down_);
+    tables_.upload(device);
     given_.rigid = p.rigid;
+    given_.x0 = x0_.data(), given_.y0 = y0_.data();
     given_.x = x_.data(), given_.y = y_.data(), given_.residual = residual_.data();
     given_.lost = lost_.data(), given_.known = known_.data();
-    x_up_ = keep(factors(p.x_unit, 1, m_)), x_down_ = keep(factors(p.x_unit, -1, m_));
-    y_up_ = keep(factors(p.y_unit, 1, n_)), y_down_ = keep(factors(p.y_unit, -1, n_));
+  }
+  ~DeviceSceneMarch() override {
+    join();
+    device_.side_streams().give_back(side_);
+  }
+  DeviceSceneMarch(const DeviceSceneMarch&) = delete;
+  DeviceSceneMarch& operator=(const DeviceSceneMarch&) = delete;
+
+  void start(const RowMatrix& x0, const RowMatrix& y0, const std::vector<char>& known) override {
+    join();
+    given_.scenes = x0.rows();
+    const cudaStream_t stream = device_.stream();
+    device_.fetcher().send(x0.data(), std::size_t(x0.size()), x0_.data(), stream);
+    device_.fetcher().send(y0.data(), std::size_t(y0.size()), y0_.data(), stream);
+    check(cudaMemcpyAsync(known_.data(), known.data(), known.size(), cudaMemcpyHostToDevice, stream),
+          "copying scenes to the device");
+    device_.wait();
+    device_.note_work();
+    const auto blocks = unsigned((given_.scenes + threads - 1) / threads);
+    kernels_.march<<<blocks, threads, 0, stream>>>(given_);
+    check(cudaGetLastError(), "stepping scenes");
+    check(cudaEventRecord(side_.begun, stream), "stepping scenes");
+    check(cudaStreamWaitEvent(side_.stream, side_.begun, 0), "stepping scenes");
+    kernels_.check<<<blocks, threads, 0, side_.stream>>>(given_);
+    check(cudaGetLastError(), "checking scenes");
+    check(cudaEventRecord(side_.ended, side_.stream), "checking scenes");
+    checks_ = true;
+    turn_around(y_, n_, y_up_, y_down_, rows_of_y_);
+    has_rows_of_x_ = false;
   }
 
-  SceneMarchOutcome run(const RowMatrix& x0, const RowMatrix& y0, const std::vector<char>& known) override {
-    const Index K = x0.rows();
-    given_.scenes = K;
-    put(RowMatrix(x0.transpose()), x_);
-    put(RowMatrix(y0.transpose()), y_);
-    std::vector<unsigned char> lost(std::size_t(K), 0), seen(known.begin(), known.end());
-    put(lost, lost_);
-    put(seen, known_);
-    device_.note_work();
-    kernel_<<<unsigned((K + threads - 1) / threads), threads, 0, device_.stream()>>>(given_);
-    check(cudaGetLastError(), "stepping scenes");
-    turn_around(x_, m_, x_up_, x_down_, rows_of_x_);
-    turn_around(y_, n_, y_up_, y_down_, rows_of_y_);
+  SceneMarchOutcome outcome() override {
+    const Index K = given_.scenes;
+    std::vector<unsigned char> lost(std::size_t(K), 0);
     SceneMarchOutcome outcome{std::vector<char>(std::size_t(K)), Vector(K)};
+    join();
     get(lost_, lost.data(), K);
     get(residual_, outcome.residual.data(), K);
+    device_.wait();
     for (std::size_t k = 0; k < lost.size(); ++k) outcome.settled[k] = !lost[k];
     return outcome;
   }
 
-  const Array& x() override { return rows_of_x_; }
+  const Array& x() override {
+    if (!rows_of_x_) rows_of_x_.emplace(device_, scenes_ * rows_, m_);
+    if (!has_rows_of_x_) turn_around(x_, m_, x_up_, x_down_, *rows_of_x_);
+    has_rows_of_x_ = true;
+    return *rows_of_x_;
+  }
   const Array& y() override { return rows_of_y_; }
 
   std::size_t bytes() const override {
-    std::size_t sum = 2 * (x_.bytes() + y_.bytes()) + residual_.bytes() + lost_.bytes() + known_.bytes();
-    for (const Memory<double>& table : tables_) sum += table.bytes();
-    return sum;
+    return x0_.bytes() + y0_.bytes() + (rows_of_x_ ? 2 : 1) * x_.bytes() + 2 * y_.bytes() + residual_.bytes() +
+           lost_.bytes() + known_.bytes() + tables_.bytes();
   }
 
  private:
-  template <class Table>
-  const double* keep(const Table& table) {
-    tables_.push_back(on_device(device_, table));
-    return tables_.back().data();
-  }
-  Sets keep(const StoredSets& s) { return {keep(s.V), keep(s.rows), keep(s.columns), s.all_solutions}; }
-
   // 10^k, and 1 for the other sign: a number times 10^k is rounded once.
   static Vector factors(const std::vector<int>& k, int sign, Index n) {
     Vector all = Vector::Ones(n);
@@ -290,18 +372,16 @@ class DeviceSceneMarch final : public SceneMarch {
     return all;
   }
 
-  template <class Values, class T>
-  void put(const Values& from, Memory<T>& to) {
-    check(cudaMemcpyAsync(to.data(), from.data(), std::size_t(from.size()) * sizeof(T), cudaMemcpyHostToDevice,
-                          device_.stream()),
-          "copying scenes to the device");
-    device_.wait();
+  // Later work of the main stream comes after the checks.
+  void join() {
+    if (checks_) cudaStreamWaitEvent(device_.stream(), side_.ended, 0);
+    checks_ = false;
   }
+
   template <class T>
   void get(const Memory<T>& from, T* to, Index count) {
     check(cudaMemcpyAsync(to, from.data(), std::size_t(count) * sizeof(T), cudaMemcpyDeviceToHost, device_.stream()),
           "copying outcomes from the device");
-    device_.wait();
   }
 
   void turn_around(const Memory<double>& from, Index width, const double* up, const double* down, DeviceArray& to) {
@@ -314,13 +394,16 @@ class DeviceSceneMarch final : public SceneMarch {
 
   const Device& device_;
   Index m_, n_, rows_, scenes_;
-  Kernel kernel_;
+  Kernels kernels_;
   Given given_{};
-  Memory<double> x_, y_, residual_;
+  Memory<double> x0_, y0_, x_, y_, residual_;
   Memory<unsigned char> lost_, known_;
-  DeviceArray rows_of_x_, rows_of_y_;
-  std::vector<Memory<double>> tables_;
-  const double *x_up_, *x_down_, *y_up_, *y_down_;
+  std::optional<DeviceArray> rows_of_x_;  // made where they are asked for
+  DeviceArray rows_of_y_;
+  SideStream side_;
+  bool has_rows_of_x_ = false, checks_ = false;  // of the last start; they may still run
+  TableBlock tables_;
+  const double *x_up_ = nullptr, *x_down_ = nullptr, *y_up_ = nullptr, *y_down_ = nullptr;
 };
 
 }  // namespace

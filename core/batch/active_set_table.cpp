@@ -1,5 +1,6 @@
 #include "core/batch/active_set_table.hpp"
 
+#include "core/batch/short_inverse.hpp"
 #include "core/lcp/other_solutions.hpp"
 #include "core/lcp/pivots.hpp"
 
@@ -40,16 +41,20 @@ const ActiveSetTable::Entry& ActiveSetTable::at(unsigned set) const {
 
 void ActiveSetTable::make(unsigned set, Entry& entry) const {
   const Index n = size();
-  const std::vector<Index> S = members(set, n), I = members(~set & ((1u << n) - 1), n);
-  Matrix V = Matrix::Zero(n, n);
-  for (const Index i : I) V(i, i) = 1;
-  if (!S.empty()) {
-    const Eigen::PartialPivLU<Matrix> lu(scaled_(S, S));
-    if (!(reciprocal_condition(lu) > least_condition)) return;
-    if (judged_ && !has_positive_pivots(least_of_(S, S))) return;
-    const Matrix inverse = lu.inverse();
-    V(S, S) = -inverse;
-    if (!I.empty()) V(I, S) = -scaled_(I, S) * inverse;
+  const unsigned rest = ~set & ((1u << n) - 1);
+  ShortMatrix V = ShortMatrix::Zero(n, n), inverse;
+  if (set != 0) {
+    if (!(invert(short_block(scaled_, set, set), inverse) > least_condition)) return;
+    if (judged_ && !has_positive_pivots(Matrix(short_block(least_of_, set, set)))) return;
+  }
+  const ShortMatrix of_rest =
+      set != 0 ? ShortMatrix(short_block(scaled_, rest, set).lazyProduct(inverse)) : ShortMatrix();
+  for (Index i = 0, s = 0, r = 0; i < n; ++i) {
+    const bool active = set >> i & 1u;
+    for (Index j = 0, c = 0; j < n; ++j)
+      if (set >> j & 1u) V(i, j) = active ? -inverse(s, c++) : -of_rest(r, c++);
+    if (!active) V(i, i) = 1;
+    ++(active ? s : r);
   }
   if (!V.allFinite() || V.cwiseAbs().maxCoeff() > most_inverse) return;
   for (Index i = 0; i < n; ++i)
@@ -118,20 +123,24 @@ bool OtherSolutions::any(const Vector& q, const Vector& y) const {
                       if (((set >> i) & 1) != (y[i] > 0 ? 1u : 0u)) return false;
                     return true;
                   });
-  Vector other(n), w(n), terms(n);
+  using Short = Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, largest_tabulated, 1>;  // not on the heap
+  Short other(n), w(n), terms(n);
   for (std::size_t set = 0; set < inverses_.size(); ++set) {
     if (inverses_[set].size() == 0) continue;
-    other.noalias() = -(inverses_[set] * q);
-    w.noalias() = M_ * other + q;
-    terms.noalias() = size_of_M_ * other.cwiseAbs() + q.cwiseAbs();
+    other = -inverses_[set].lazyProduct(q);
     const double size = other.cwiseAbs().maxCoeff();
     bool may = true, does = true;
-    for (Index i = 0; i < n; ++i) {
-      const bool inside = (set >> i) & 1;
-      const double least = inside ? other[i] : w[i], of = inside ? size : std::max(terms[i], 1e-300);
+    const auto look = [&](double least, double of) {
       may = may && least >= -loose * of;
       does = does && least >= -strict * of;
-    }
+    };
+    for (Index i = 0; i < n && may; ++i)
+      if ((set >> i) & 1) look(other[i], size);
+    if (!may) continue;
+    w = M_.lazyProduct(other) + q;
+    terms = size_of_M_.lazyProduct(other.cwiseAbs()) + q.cwiseAbs();
+    for (Index i = 0; i < n && may; ++i)
+      if (!((set >> i) & 1)) look(w[i], std::max(terms[i], 1e-300));
     if (!may) continue;
     const double apart = (other - y).cwiseAbs().maxCoeff(), scale = std::max(size, y.cwiseAbs().maxCoeff());
     if (does && apart > 2 * distinct * scale) return true;

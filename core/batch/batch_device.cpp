@@ -1,12 +1,10 @@
 // Scenes of a batch on a backend that steps many of them at a time.
 
-#include "core/base/first_touch.hpp"
 #include "core/batch/batch_groups.hpp"
 #include "core/batch/batch_run.hpp"
 #include "core/batch/device_march.hpp"
 
 #include <algorithm>
-#include <optional>
 #include <utility>
 
 namespace bromwich {
@@ -35,11 +33,10 @@ std::vector<Index> BatchRun::march_on_device(const LanePlan& plan, const std::ve
     const Index count = Index(scenes.size());
     if (count == 0) continue;
     const bool whole = count == batch_.scenes && scenes.front() == 0;  // in order, without a gap
-    std::optional<FirstTouch> touch;                                   // beside the device
-    if (whole) touch.emplace(result_.y.data(), std::size_t(result_.y.size()));
-    const SceneMarchOutcome outcome = march->run(starts.x0, starts.y0, starts.other);
-    touch.reset();
+    march->start(starts.x0, starts.y0, starts.other);
+    touch_.reset();
     download_rows(*march, whole, y, x);
+    const SceneMarchOutcome outcome = march->outcome();
     Index settled = 0;
     for (Index i = 0; i < count; ++i) {
       const Index k = scenes[std::size_t(i)];

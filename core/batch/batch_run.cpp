@@ -50,6 +50,9 @@ BatchRun::BatchRun(const Batch& batch, Backend& backend, const Options& options,
   result_.y.resize(rows, n);
   result_.w.resize(options.trace ? rows : 0, n);
   result_.x.resize(rows, Index(result_.x_components.size()));
+  for (RowMatrix* fresh : {&result_.y, &result_.w, &result_.x})
+    ask_for_large_pages(fresh->data(), std::size_t(fresh->size()));
+  if (dynamic_cast<SceneMarcher*>(&backend)) touch_.emplace(result_.y.data(), std::size_t(result_.y.size()));
   const std::size_t K = std::size_t(batch.scenes);
   result_.status.assign(K, Status::interrupted);
   result_.reason.assign(K, "");
@@ -196,6 +199,7 @@ bool BatchRun::input_of(const LanePlan& plan, Index k, LaneInput& input) const {
 Index BatchRun::march(const std::vector<Prepared>& scenes) {
   const Index count = Index(scenes.size()), ranges = (count + lanes - 1) / lanes;
   if (count == 0) return 0;
+  touch_.reset();
   const Index shared = std::max<Index>(1, ranges / (4 * std::max(1, backend_.threads())));
   std::atomic<Index> settled = 0;
   share(backend_, ranges, shared, [&](Index begin, Index end) {
@@ -249,6 +253,7 @@ bool BatchRun::may_be_side_by_side(const Scene& scene) const {
 }
 
 void BatchRun::take_singly(const std::vector<Index>& scenes, bool shares) {
+  touch_.reset();
   std::vector<Index> left;
   const auto to_do = [&] {
     left.clear();

@@ -2,6 +2,7 @@
 // One call of solve_batch: results of all scenes, filled group by group, in lanes where that is possible
 // (core/batch/lane_march.hpp), otherwise by single solves, several at once where that is allowed.
 
+#include "../base/first_touch.hpp"
 #include "../seam/scene_march.hpp"
 #include "batch.hpp"
 #include "lane_march.hpp"
@@ -74,6 +75,7 @@ class BatchRun {
   SingleSolves alone_;
   const MakeBackend another_;
   std::optional<SideBySide> side_by_side_;  ///< made when it is needed first
+  std::optional<FirstTouch> touch_;         ///< of y beside a device; ended before anybody writes y
 };
 
 }  // namespace bromwich

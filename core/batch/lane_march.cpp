@@ -18,7 +18,7 @@ LaneState::LaneState(const LanePlan& p) : m(p.m), n(p.n), J(p.J) {
 void LaneState::take(const std::vector<const LaneInput*>& given) {
   inputs = given;
   used = Index(given.size());
-  own_sources = given[0]->sources != nullptr;
+  own_sources = std::any_of(given.begin(), given.end(), [&](const auto* i) { return i->sources != given[0]->sources; });
   lost = other = LaneMask{};
   fill_sources();
   start();
@@ -35,28 +35,25 @@ unsigned LaneState::rigid() const {
 }
 
 host::StageSteps* LaneState::steps_of(Index lane) {
-  const LaneInput& in = input(lane);
-  const LaneSources& sources = in.sources ? *in.sources : in.plan->sources;
-  const auto at = std::size_t(in.sources || !shared() ? lane : 0);
-  if (!steps[at] || steps_for[at] != &*sources.problem)
-    steps[at] = std::make_unique<host::StageSteps>(*sources.problem);
-  steps_for[at] = &*sources.problem;
+  const StageProblem& problem = *sources(lane).problem;
+  const auto at = std::size_t(own_sources || !shared() ? lane : 0);
+  if (!steps[at] || steps_for[at] != &problem) steps[at] = std::make_unique<host::StageSteps>(problem);
+  steps_for[at] = &problem;
   return steps[at].get();
 }
 
 double LaneState::g_at(Index lane, Index j, Index i) const {
-  const LaneInput& in = input(lane);
-  const LaneSources& s = in.sources ? *in.sources : in.plan->sources;
-  return in.plan->stages ? s.at_points(j, i) : s.g(j, i);
+  const LaneSources& s = sources(lane);
+  return plan(lane).stages ? s.at_points(j, i) : s.g(j, i);
 }
 
 void LaneState::fill_sources() {
   if (!own_sources) return;
   const auto fill = [&](const RowMatrix LaneSources::*table, std::vector<Lanes>& to) {
-    const Index size = ((*input(0).sources).*table).size();
+    const Index size = (sources(0).*table).size();
     to.resize(std::size_t(size));
     for (Index l = 0; l < lanes; ++l) {
-      const double* from = ((*input(l).sources).*table).data();
+      const double* from = (sources(l).*table).data();
       for (Index k = 0; k < size; ++k) to[std::size_t(k)][l] = from[k];
     }
   };

@@ -1,5 +1,6 @@
 #include "core/batch/lane_plan.hpp"
 
+#include "core/batch/short_inverse.hpp"
 #include "core/host/stage_steps.hpp"
 #include "core/kernel/closed_loop.hpp"
 #include "core/kernel/discretise.hpp"
@@ -56,6 +57,20 @@ std::string unsuitable(const Scene& scene) {
   return "";
 }
 
+// Whether h |Im lambda| <= most for all modes of the closed loop A - B_S M_SS^{-1} N_S: Im lambda is in the numerical
+// range of its skew part. False too where this bound does not tell.
+bool turns_slowly(const LanePlan& p, unsigned set, double most) {
+  if (p.m > most_short || p.n > most_short) return false;
+  ShortMatrix inverse, closed = p.A;
+  if (set != 0) {
+    constexpr double well_known = 1e-7;
+    const unsigned all = ~0u;
+    if (!(invert(short_block(p.M, set, set), inverse) > well_known)) return false;
+    closed -= short_block(p.B, all, set).lazyProduct(ShortMatrix(inverse.lazyProduct(short_block(p.N, set, all))));
+  }
+  return 0.5 * p.h * (closed - closed.transpose()).cwiseAbs().rowwise().sum().maxCoeff() <= most;
+}
+
 // Steps for which a mode with z = h lambda does not count (core/kernel/resolution.cpp), with a margin.
 double steps_of_mode(Complex z) {
   constexpr double margin = 0.98;
@@ -74,8 +89,10 @@ std::unique_ptr<ActiveSetTable> LanePlan::problem_of(const Matrix& matrix) const
   return std::make_unique<ActiveSetTable>(matrix, least_elements ? &M : nullptr);
 }
 
-double LanePlan::limit_of(const std::vector<Index>& set) const {
+double LanePlan::limit_of(unsigned bits) const {
   constexpr double margin = 0.99;
+  if (!stages && turns_slowly(*this, bits, margin)) return INFINITY;
+  const std::vector<Index> set = members(bits, n);
   const auto closed = closed_matrix(A, B, N, M, set);
   if (!closed || !closed->allFinite()) return stages ? INFINITY : 0;  // stages: no mode of this set is looked at
   const Matrix b = balanced(*closed).A;
@@ -98,7 +115,7 @@ GrowthMaps LanePlan::growth() const {
 double LanePlan::longest(unsigned set) const {
   const std::lock_guard lock(mutex_);
   if (const auto found = longest_.find(set); found != longest_.end()) return found->second;
-  return longest_[set] = limit_of(members(set, n));
+  return longest_[set] = limit_of(set);
 }
 
 std::unique_ptr<LanePlan> LanePlan::make(const Scene& given, Backend& backend, Index J, bool own_sources,

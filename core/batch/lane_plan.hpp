@@ -111,7 +111,7 @@ class LanePlan {
   bool add_parts(const DiscreteProblem&, std::string& why);
   void to_units_of(const Scene&, const NaturalUnits&);
   std::unique_ptr<ActiveSetTable> problem_of(const Matrix&) const;
-  double limit_of(const std::vector<Index>& set) const;
+  double limit_of(unsigned set) const;
   LaneSources tables(const DiscreteProblem&) const;
 
   std::shared_ptr<GridFamily> family_;
@@ -125,7 +125,7 @@ class LanePlan {
 struct LaneInput {
   const LanePlan* plan = nullptr;
   Vector x0;                                   ///< in the units of the plan
-  std::shared_ptr<const LaneSources> sources;  ///< own ones; null: those of the plan
+  std::shared_ptr<const LaneSources> sources;  ///< own ones, or those of several scenes; null: those of the plan
 };
 
 }  // namespace bromwich

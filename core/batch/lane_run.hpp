@@ -22,6 +22,9 @@ struct LaneState {
   bool shared() const;  ///< the matrices
   const LanePlan& plan(Index lane) const { return *input(lane).plan; }
   const LaneInput& input(Index lane) const { return *inputs[std::size_t(lane < used ? lane : 0)]; }
+  const LaneSources& sources(Index lane) const {
+    return input(lane).sources ? *input(lane).sources : plan(lane).sources;
+  }
   double g_at(Index lane, Index j, Index i) const;
   host::StageSteps* steps_of(Index lane);
   unsigned rigid() const;
@@ -32,7 +35,7 @@ struct LaneState {
   struct OwnSources {
     std::vector<Lanes> drift, g, f, at_points, growth_drift;
   } own;
-  bool own_sources = false;
+  bool own_sources = false;  ///< otherwise all lanes have those of the first
   LaneMask lost = {}, other = {};
   Lanes residual = {};
   std::array<std::unique_ptr<host::StageSteps>, simd::lanes> steps;  ///< of the lanes, made where a step needs one

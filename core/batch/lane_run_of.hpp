@@ -91,7 +91,7 @@ LaneProblem::Tables tables_of(const LaneState& s, const Get& get) {
 
 inline Source<Lanes> source_of(const LaneState& s, RowMatrix LaneSources::*shared, const std::vector<Lanes>& own,
                                Index width) {
-  return {(s.plan(0).sources.*shared).data(), s.own_sources ? own.data() : nullptr, width, 1};
+  return {(s.sources(0).*shared).data(), s.own_sources ? own.data() : nullptr, width, 1};
 }
 
 template <Index n, class C>

@@ -50,7 +50,6 @@ class ModalDerivative {
   void seen_on(const std::vector<Index>& set, const Vector& modes, Vector& values) const;
   void modes_of_set(const std::vector<Index>& set, const Vector& values, Vector& modes) const;
   void follow(const RowMatrix& x0, const RowMatrix& u);
-  void check(const char* name, Index rows, Index columns, Index expected_rows, Index expected_columns) const;
 
   KroneckerDynamics d_;
   LcpMatrix scene_M_, transposed_M_;

@@ -4,6 +4,7 @@
 
 #include "core/base/error.hpp"
 #include "core/base/text.hpp"
+#include "core/derivatives/check_table.hpp"
 
 #include <cmath>
 #include <tuple>
@@ -32,21 +33,14 @@ void add_product(const LcpMatrix& M, const double* y, double* w) {
 
 }  // namespace
 
-void ModalDerivative::check(const char* name, Index rows, Index columns, Index expected_rows,
-                            Index expected_columns) const {
-  if (rows * columns == 0 || (rows == expected_rows && columns == expected_columns)) return;
-  throw Error(name, text("found %ld x %ld", long(rows), long(columns)),
-              text("give %ld x %ld", long(expected_rows), long(expected_columns)));
-}
-
 SolutionChange ModalDerivative::jvp(const DataChange& c, bool states) const {
   for (const auto& [name, matrix] : {std::pair("A", &c.A), {"B", &c.B}, {"N", &c.N}, {"E", &c.E}})
     if (matrix->size() > 0)
       throw Error(name, "is part of the structure of a Kronecker sum", "ask for derivatives by x0, f, g and M");
-  check("x0", c.x0.size(), 1, m_, 1);
-  check("f", c.f.rows(), c.f.cols(), J_ + 1, n_);
-  check("g", c.g.rows(), c.g.cols(), J_ + 1, n_);
-  check("M", c.M.rows(), c.M.cols(), n_, n_);
+  check_table("x0", c.x0, m_, 1);
+  check_table("f", c.f, J_ + 1, n_);
+  check_table("g", c.g, J_ + 1, n_);
+  check_table("M", c.M, n_, n_);
   const RowMatrix x0 = c.x0.size() > 0 ? state_modes(c.x0) : RowMatrix();
   SolutionChange out{RowMatrix(J_ + 1, n_), RowMatrix(), RowMatrix(J_ + 1, n_), RowMatrix(J_ + 1, n_)};
   RowMatrix& w = out.w;  // at first what does not come from y and f
@@ -89,10 +83,10 @@ SolutionChange ModalDerivative::jvp(const DataChange& c, bool states) const {
 }
 
 DataChange ModalDerivative::vjp(const SolutionChange& of) const {
-  check("y", of.y.rows(), of.y.cols(), J_ + 1, n_);
-  check("x", of.x.rows(), of.x.cols(), J_ + 1, m_);
-  check("w", of.w.rows(), of.w.cols(), J_ + 1, n_);
-  check("integral", of.integral.rows(), of.integral.cols(), J_ + 1, n_);
+  check_table("y", of.y, J_ + 1, n_);
+  check_table("x", of.x, J_ + 1, m_);
+  check_table("w", of.w, J_ + 1, n_);
+  check_table("integral", of.integral, J_ + 1, n_);
   DataChange bar;
   RowMatrix of_u = RowMatrix::Zero(J_ + 1, n_), of_x0, rho = RowMatrix::Zero(J_ + 1, n_), given;
   if (of.x.size() > 0) std::tie(of_u, of_x0) = states_transposed(of.x);

@@ -2,6 +2,7 @@
 
 #include "core/base/error.hpp"
 #include "core/base/text.hpp"
+#include "core/derivatives/check_table.hpp"
 #include "core/kernel/recurrence.hpp"
 #include "core/scene/separable.hpp"
 
@@ -153,13 +154,6 @@ void SolutionDerivative::follow(const Result& result) {
   w_.noalias() += x_ * d_.N.transpose();
 }
 
-void SolutionDerivative::check(const char* name, Index rows, Index columns, Index expected_rows,
-                               Index expected_columns) const {
-  if (rows * columns == 0 || (rows == expected_rows && columns == expected_columns)) return;
-  throw Error(name, text("found %ld x %ld", long(rows), long(columns)),
-              text("give %ld x %ld", long(expected_rows), long(expected_columns)));
-}
-
 // The change of x' = E^{-1} (A x + B y + f): dE x' is that of E^{-1} dE A, E^{-1} dE B and E^{-1} dE f.
 DataChange SolutionDerivative::without_mass(DataChange c) const {
   if (inverse_E_.size() == 0) return c;
@@ -191,14 +185,14 @@ void SolutionDerivative::add_mass(DataChange& bar) const {
 }
 
 SolutionChange SolutionDerivative::jvp(const DataChange& given) const {
-  check("x0", given.x0.size(), 1, m_, 1);
-  check("f", given.f.rows(), given.f.cols(), J_ + 1, m_);
-  check("g", given.g.rows(), given.g.cols(), J_ + 1, n_);
-  check("A", given.A.rows(), given.A.cols(), m_, m_);
-  check("B", given.B.rows(), given.B.cols(), m_, n_);
-  check("N", given.N.rows(), given.N.cols(), n_, m_);
-  check("M", given.M.rows(), given.M.cols(), n_, n_);
-  check("E", given.E.rows(), given.E.cols(), m_, m_);
+  check_table("x0", given.x0, m_, 1);
+  check_table("f", given.f, J_ + 1, m_);
+  check_table("g", given.g, J_ + 1, n_);
+  check_table("A", given.A, m_, m_);
+  check_table("B", given.B, m_, n_);
+  check_table("N", given.N, n_, m_);
+  check_table("M", given.M, n_, n_);
+  check_table("E", given.E, m_, m_);
   if (given.E.size() > 0 && inverse_E_.size() == 0) refuse("the scene has no E", "change A and B instead");
   const DataChange c = without_mass(given);
   StepDirection d;
@@ -251,10 +245,10 @@ void SolutionDerivative::check_start(const SolutionChange& out, const RowMatrix&
 }
 
 DataChange SolutionDerivative::vjp(const SolutionChange& of) const {
-  check("y", of.y.rows(), of.y.cols(), J_ + 1, n_);
-  check("x", of.x.rows(), of.x.cols(), J_ + 1, m_);
-  check("w", of.w.rows(), of.w.cols(), J_ + 1, n_);
-  check("integral", of.integral.rows(), of.integral.cols(), J_ + 1, n_);
+  check_table("y", of.y, J_ + 1, n_);
+  check_table("x", of.x, J_ + 1, m_);
+  check_table("w", of.w, J_ + 1, n_);
+  check_table("integral", of.integral, J_ + 1, n_);
   DataChange bar;
   bar.f = RowMatrix::Zero(J_ + 1, m_);
   bar.g = RowMatrix::Zero(J_ + 1, n_);

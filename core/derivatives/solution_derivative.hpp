@@ -67,7 +67,6 @@ class SolutionDerivative {
  private:
   void follow(const Result&);
   void check_start(const SolutionChange&, const RowMatrix& fixed) const;
-  void check(const char* name, Index rows, Index columns, Index expected_rows, Index expected_columns) const;
 
   DataChange without_mass(DataChange) const;
   void add_mass(DataChange&) const;

@@ -2,6 +2,7 @@
 
 #include "core/base/error.hpp"
 #include "core/base/text.hpp"
+#include "core/derivatives/check_table.hpp"
 #include "core/derivatives/switched_tape.hpp"
 #include "core/lcp/lcp_class.hpp"
 #include "core/scene/breakpoints.hpp"
@@ -64,14 +65,6 @@ void scale_by(Table& table, const std::vector<int>* rows, const std::vector<int>
       const int up = rows ? (*rows)[std::size_t(i)] : 0, down = columns ? (*columns)[std::size_t(k)] : 0;
       table(i, k) = times_ten_to(sign * (up - down), table(i, k));
     }
-}
-
-void check_table(const char* name, const Eigen::Ref<const RowMatrix>& table, Index rows, Index columns) {
-  if (table.size() == 0) return;
-  if (table.rows() != rows || table.cols() != columns)
-    throw Error(name, text("found %ld x %ld", long(table.rows()), long(table.cols())),
-                text("give %ld x %ld", long(rows), long(columns)));
-  if (!table.allFinite()) throw Error(name, "has an entry that is not finite", "give finite numbers");
 }
 
 }  // namespace

@@ -67,7 +67,7 @@ SwitchedTape::SwitchedTape(const Scene& scene, const EventSolution& s, const Vec
   const DenseDynamics& d = *scene.dynamics->small_state();
   system_ = {d.A, d.B, d.N, to_dense(scene.M)};
   add_pieces(scene, s);
-  find_sizes();
+  find_sizes(s);
   add_parts(s, scene.breakpoints);
   measure();
   judge_M();
@@ -150,13 +150,16 @@ Vector SwitchedTape::rate_of(const Mode& mode, const JetValues& u) const {
   return system_.A * u.x + system_.B * evaluate(mode.rows.y, u) + u.f;
 }
 
-// The largest value of each component so far, or a share of the sum of its terms if that is larger.
-void SwitchedTape::find_sizes() {
+// The largest value of each component so far, or a share of the sum of its terms if that is larger. What an impulse
+// moves is a term: after it, a state on a constraint may be of the size of its rounding.
+void SwitchedTape::find_sizes(const EventSolution& s) {
   Vector most_y = Vector::Constant(n_, 1e-290), most_w = most_y;
-  for (Piece& p : pieces_) {
+  for (std::size_t k = 0; k < pieces_.size(); ++k) {
+    Piece& p = pieces_[k];
     JetValues u = values_of(p.sources, p, 0);
     for (Vector* v : {&u.f, &u.df, &u.g, &u.dg, &u.ddg}) *v = v->cwiseAbs();
     u.x = p.x.cwiseAbs().colwise().sum().transpose();
+    for (const EventImpulse& impulse : s.pieces[k].impulses) u.x += (system_.B * impulse.p).cwiseAbs();
     const Vector of_y = terms(p.mode->rows.y, u), y = p.y.cwiseAbs().colwise().sum().transpose();
     const Vector of_w = system_.N.cwiseAbs() * u.x + system_.M.cwiseAbs() * y + u.g;
     for (Index i = 0; i < n_; ++i) {

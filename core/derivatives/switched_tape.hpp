@@ -90,7 +90,7 @@ class SwitchedTape {
   JetValues values_of(const Sources&, const Piece&, double at) const;
   void add_values(const JetValues& bar, const Piece&, double at, Sources& to) const;
   Vector rate_of(const Mode&, const JetValues&) const;
-  void find_sizes();
+  void find_sizes(const EventSolution&);
   double size_of(const Piece&, Index i) const;
   bool vanishes(const Piece&, double at, Index i) const;
   Bounded saltation(const Switch&, const Piece* before, Bounded& dt) const;

@@ -41,8 +41,11 @@ struct SceneMarchOutcome {
 
 class SceneMarch : public Plan {
  public:
-  /// x0 and y_0 of the scenes, one row each. `known`: scenes whose other solutions are not looked for.
-  virtual SceneMarchOutcome run(const RowMatrix& x0, const RowMatrix& y0, const std::vector<char>& known) = 0;
+  /// x0 and y_0 of the scenes, one row each. `known`: scenes whose other solutions are not looked for. Work of a device
+  /// may go on after the return.
+  virtual void start(const RowMatrix& x0, const RowMatrix& y0, const std::vector<char>& known) = 0;
+  /// Of the last start. Waits for the checks, which run while x and y are fetched.
+  virtual SceneMarchOutcome outcome() = 0;
   /// Rows of all scenes, one scene after the other, in their own units: K (J+1) x m and x n.
   virtual const Array& x() = 0;
   virtual const Array& y() = 0;

@@ -112,7 +112,8 @@ class Derivative:
                 no change.
 
         Raises:
-            Error: another shape; a change of M where :attr:`without_M` says that there is no derivative.
+            Error: another shape, or entries that are not finite; a change of M where :attr:`without_M` says that there is no
+                derivative.
         """
         arrays = [None if v is None else _table(v) for v in (f, g, A, B, N, M, E)]
         return Tangent(*self._core.jvp(None if x0 is None else _values(x0).ravel(), *arrays))
@@ -125,7 +126,7 @@ class Derivative:
                 over [0, t_j].
 
         Raises:
-            Error: another shape; weights of y, x or w at a switch (:attr:`one_sided`).
+            Error: another shape, or entries that are not finite; weights of y, x or w at a switch (:attr:`one_sided`).
         """
         return Gradient(*self._core.vjp(*(None if v is None else _table(v) for v in (y, x, w, integral))))
 
@@ -188,7 +189,8 @@ class BatchDerivative:
         return Tangent(*(self._stacked(t) for t in tables)), reason
 
     def vjp(self, **weights: Any) -> tuple[Gradient, list[str]]:
-        """The gradients of one number each: members with a leading axis of length K, and K reasons.
+        """The gradients of one number each: members with a leading axis of length K, and K reasons. M of a scene is NaN
+        where a change of M acts from one side only, as in :class:`Gradient`.
 
         Args:
             weights: y, x, w, integral as :meth:`Derivative.vjp` takes them, or with a leading axis of length K.

@@ -22,22 +22,21 @@ from ._errors import Error
 def _named(data: tuple) -> dict[str, np.ndarray | None]:
     # A source of no columns stands for none: callbacks take arrays only.
     arrays = {name: np.asarray(v) for name, v in zip(common.DATA, data)}
-    return {name: None if v.size == 0 and name in "fg" else v for name, v in arrays.items()}
+    return {name: None if name in "fg" and v.shape[-1] == 0 else v for name, v in arrays.items()}
 
 
 def _of_host(how: tuple, *data: Any) -> tuple:
-    return common.outputs(common.solved(_named(data), *how))
+    return common.Solved(_named(data), *how).outputs()
 
 
 def _back_on_host(how: tuple, data: tuple, of: tuple) -> tuple:
-    arrays = _named(data)
-    shapes = {name: None if v is None else v.shape for name, v in arrays.items()}
-    bars = common.gradient(common.solved(arrays, *how).derivative(), shapes, of)
-    return tuple(np.zeros(np.shape(v)) if bar is None else bar for bar, v in zip(bars, data))
+    bars = common.Solved(_named(data), *how).gradient(of)
+    every = np.shape(bars[0])[:-1]  # of x0
+    return tuple(np.zeros((*every, *np.shape(v)[-2:])) if bar is None else bar for bar, v in zip(bars, data))
 
 
 def _called(function: Any, shapes: Any, *arguments: Any) -> Any:
-    return jax.pure_callback(function, shapes, *arguments, vmap_method="sequential")
+    return jax.pure_callback(function, shapes, *arguments, vmap_method="expand_dims")
 
 
 @functools.partial(jax.custom_vjp, nondiff_argnums=(0,))
@@ -73,7 +72,8 @@ def solve(
     method: str = "march",
     threads: int = 0,
 ) -> tuple[jax.Array, jax.Array, jax.Array]:
-    """y (J+1) x n, x (J+1) x m and w (J+1) x n of a dense scene, computed on the host. ``jax.vmap`` solves one by one.
+    """y (J+1) x n, x (J+1) x m and w (J+1) x n of a dense scene, computed on the host. ``jax.vmap`` solves all scenes
+    together (:func:`bromwich.solve_batch`).
 
     Args:
         A, B, N, M, x0: m x m, m x n, n x m, n x n and m, float64.
@@ -82,10 +82,19 @@ def solve(
 
     Raises:
         Error: JAX has no float64 (``jax.config.update("jax_enable_x64", True)``).
-        A failure of the solve, or a solution that is not differentiable, leaves JAX as an error of the callback.
+        A failure of the solve, or a solution that is not differentiable, leaves JAX as an error of the callback. Second
+            derivatives are not there.
     """
     if not jax.config.jax_enable_x64:
         raise Error('jax: has no float64; call jax.config.update("jax_enable_x64", True) first', "jax")
-    none = jnp.zeros((int(steps) + 1, 0))
+    J = common.whole(steps)
+    none = jnp.zeros((J + 1, 0))
     data = (x0, none if f is None else f, none if g is None else g, A, B, N, M)
-    return _solve((float(T), int(steps), method, threads), *(jnp.asarray(v, jnp.float64) for v in data))
+    for name, v in zip(common.DATA, data):
+        if jnp.iscomplexobj(v):
+            raise Error(f"{name}: is complex; give real numbers", name)
+    arrays = tuple(jnp.asarray(v, jnp.float64) for v in data)
+    for name, v in zip(common.DATA, arrays):
+        if v.ndim != common.AXES[name]:
+            raise Error(f"{name}: has {v.ndim} axes; give {common.AXES[name]}, and more by jax.vmap", name)
+    return _solve((float(T), J, method, threads), *arrays)

@@ -8,29 +8,86 @@
 
 from __future__ import annotations
 
+import functools
 from typing import Any
 
 import torch
 
 from . import _differentiable as common
+from ._errors import Error
 
 
 class _Solve(torch.autograd.Function):
     @staticmethod
-    def forward(ctx: Any, T: float, steps: int, method: str, threads: int, *data: torch.Tensor | None) -> tuple:
-        arrays = dict(zip(common.DATA, (None if v is None else v.detach().cpu().double().numpy() for v in data)))
-        result = common.solved(arrays, T, steps, method, threads)
-        ctx.result, ctx.data = result, [None if v is None else (v.shape, v.dtype, v.device) for v in data]
-        first = next(v for v in data if v is not None)
-        return tuple(torch.from_numpy(v).to(first.device, first.dtype) for v in common.outputs(result))
+    def forward(how: tuple, *data: torch.Tensor | None) -> tuple:
+        arrays = {name: None if v is None else _array(v) for name, v in zip(common.DATA, data)}
+        solved = common.Solved(arrays, *how)
+        given = [v for v in data if v is not None]
+        kind = functools.reduce(torch.promote_types, (v.dtype for v in given if v.is_floating_point()))
+        return *(torch.from_numpy(v).to(given[0].device, kind) for v in solved.outputs()), solved
 
     @staticmethod
-    def backward(ctx: Any, *of: torch.Tensor) -> tuple:
-        shapes = {name: None if d is None else tuple(d[0]) for name, d in zip(common.DATA, ctx.data)}
-        bars = common.gradient(ctx.result.derivative(), shapes, tuple(v.detach().cpu().numpy() for v in of))
-        return None, None, None, None, *(
-            None if d is None else torch.from_numpy(bar).to(d[2], d[1]) for bar, d in zip(bars, ctx.data)
+    def setup_context(ctx: Any, inputs: tuple, output: tuple) -> None:
+        ctx.solved = output[-1]
+        ctx.save_for_backward(*inputs[1:])
+
+    @staticmethod
+    def backward(ctx: Any, *of: Any) -> tuple:
+        data = ctx.saved_tensors
+        shapes = tuple(None if v is None else tuple(v.shape) for v in data)
+        return None, *_Gradient.apply(ctx.solved, (), shapes, *of[:3], *data)
+
+    @staticmethod
+    def vmap(info: Any, in_dims: tuple, how: tuple, *data: torch.Tensor | None) -> tuple:
+        given = list(zip(common.DATA, data, in_dims[1:]))
+        most = max(v.ndim - common.AXES[n] - (d is not None) for n, v, d in given if v is not None)
+        listed = (None if v is None else _scenes_first(v, d, most + common.AXES[n]) for n, v, d in given)
+        return _Solve.apply(how, *listed), (0, 0, 0, None)
+
+
+class _Gradient(torch.autograd.Function):
+    """Of the data, which it is given to refuse a derivative of its own. `mapped`: of the axes that maps have added, first
+    the outermost, whether the solution has them too."""
+
+    @staticmethod
+    def forward(solved: common.Solved, mapped: tuple, shapes: common.Shapes, *given: torch.Tensor | None) -> tuple:
+        of, data = given[:3], given[3:]
+        bars = solved.gradient(tuple(_array(v) for v in of if v is not None), shapes, mapped)
+        return tuple(None if v is None else torch.from_numpy(bar).to(v.device, v.dtype) for bar, v in zip(bars, data))
+
+    @staticmethod
+    def setup_context(ctx: Any, inputs: tuple, output: tuple) -> None:
+        pass
+
+    @staticmethod
+    def backward(ctx: Any, *of: Any) -> tuple:
+        raise Error("derivative: of a derivative is not there; take differences of gradients", "derivative")
+
+    @staticmethod
+    def vmap(info: Any, in_dims: tuple, solved: common.Solved, mapped: tuple, shapes: common.Shapes, *given: Any) -> tuple:
+        dims = in_dims[3:]
+        solution_too = any(d is not None for d in dims[3:])
+        outputs = [(v, d) for v, d in zip(given[:3], dims) if v is not None]
+        most = max(v.ndim - 2 - (d is not None) for v, d in outputs)
+        of = (_scenes_first(v, d, most + 2) for v, d in outputs)
+        # Each of the scenes has its own gradient, also by data that all share.
+        wanted = tuple(
+            None if s is None else (info.batch_size, *(1,) * (most + common.AXES[name] - len(s)), *s)
+            for name, s in zip(common.DATA, shapes)
         )
+        bars = _Gradient.apply(solved, (solution_too, *mapped), wanted, *of, *given[3:])
+        found = tuple(None if s is None else bar.reshape(info.batch_size, *s) for bar, s in zip(bars, shapes))
+        return found, tuple(None if s is None else 0 for s in shapes)
+
+
+def _array(v: torch.Tensor) -> Any:
+    return v.detach().cpu().double().numpy()
+
+
+def _scenes_first(v: torch.Tensor, dim: int | None, axes: int) -> torch.Tensor:
+    """With an axis of the scenes before the `axes` that one has at most; of length 1 where all share v."""
+    v = v[None] if dim is None else v.movedim(dim, 0)
+    return v.reshape(v.shape[0], *(1,) * (axes + 1 - v.ndim), *v.shape[1:])
 
 
 def solve(
@@ -50,12 +107,27 @@ def solve(
     """y (J+1) x n, x (J+1) x m and w (J+1) x n of a dense scene, computed in double precision on the host.
 
     Args:
-        A, B, N, M, x0: m x m, m x n, n x m, n x n and m.
+        A, B, N, M, x0: m x m, m x n, n x m, n x n and m. Each may have leading axes for scenes that are solved together
+            (:func:`bromwich.solve_batch`), and then y, x and w have them; ``torch.vmap`` adds one.
         f, g: (J+1) x m and (J+1) x n at the time points, linear between them; None: zero.
         T: final time. steps: J. method: ``"march"``, ``"contour"`` or ``"multigrid"``.
 
     Raises:
-        NotSolved: there is no solution.
-        Error: in ``backward``, where the solution is not differentiable; see :meth:`bromwich.Result.derivative`.
+        NotSolved: there is no solution, of some scene.
+        Error: in ``backward``, where the solution is not differentiable (see :meth:`bromwich.Result.derivative`), and for
+            second derivatives.
     """
-    return _Solve.apply(float(T), int(steps), method, threads, x0, f, g, A, B, N, M)
+    if isinstance(T, torch.Tensor) and T.requires_grad:
+        raise Error("T: has no derivative; give a number", "T")
+    data = []
+    for name, v in zip(common.DATA, (x0, f, g, A, B, N, M)):
+        if v is None and name in "fg":
+            data.append(None)
+            continue
+        if not isinstance(v, torch.Tensor):
+            raise Error(f"{name}: is a {type(v).__name__}; give a torch.Tensor", name)
+        if v.is_complex():
+            raise Error(f"{name}: is complex; give real numbers", name)
+        v = v if v.layout is torch.strided else v.to_dense()
+        data.append(v if v.is_floating_point() else v.double())
+    return _Solve.apply((float(T), common.whole(steps), method, threads), *data)[:3]

@@ -109,9 +109,11 @@ def test_batches_have_a_leading_axis() -> None:
         one = bromwich.solve(**scene, x0=x0[k], M=Ms[k], steps=J, method="march").derivative()
         np.testing.assert_allclose(change.y[k], one.jvp(x0=step[k], M=np.eye(2)).y, rtol=0, atol=1e-10)
         np.testing.assert_allclose(gradient.M[k], one.vjp(y=weights[k]).M, rtol=0, atol=1e-9)
-    for bad in (dict(x0=np.ones((K + 1, 2))), dict(x0=1.0), dict(y=weights)):
+    for bad in (dict(x0=np.ones((K + 1, 2))), dict(x0=1.0), dict(y=weights), dict(x0=[np.nan, 0])):
         with pytest.raises(bromwich.Error):
             d.jvp(**bad)
+    with pytest.raises(bromwich.Error, match="not finite"):
+        d.vjp(y=np.full((J + 1, 2), np.nan))
 
 
 def test_a_quantity_of_interest() -> None:

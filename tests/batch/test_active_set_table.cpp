@@ -2,10 +2,12 @@
 
 #include "core/batch/active_set_table.hpp"
 
+#include "core/batch/short_inverse.hpp"
 #include "core/lcp/other_solutions.hpp"
 #include "tests/support/oracle.hpp"
 
 #include <gtest/gtest.h>
+#include <Eigen/LU>
 
 #include <random>
 
@@ -15,6 +17,29 @@ namespace {
 Matrix draw(std::mt19937& generator, Index rows, Index cols) {
   std::normal_distribution<double> normal;
   return Matrix::NullaryExpr(rows, cols, [&] { return normal(generator); });
+}
+
+// M inverse - I has entries of some n eps times the condition; the condition in the 1-norm is |M|_1 |M^{-1}|_1.
+TEST(ShortInverse, IsTheInverse) {
+  std::mt19937 generator(8);
+  for (Index n = 1; n <= most_short; ++n) {
+    const Matrix M = draw(generator, n, n);
+    ShortMatrix inverse;
+    const double condition = invert(M, inverse);
+    const Matrix expected = Eigen::FullPivLU<Matrix>(M).inverse();
+    const double exact = 1 / (M.cwiseAbs().colwise().sum().maxCoeff() * expected.cwiseAbs().colwise().sum().maxCoeff());
+    EXPECT_NEAR(condition, exact, 1e-12) << n;
+    EXPECT_LT((M * inverse - Matrix::Identity(n, n)).cwiseAbs().maxCoeff(), 64 * double(n) * epsilon / exact) << n;
+    Matrix singular = M;
+    singular.col(n - 1).setZero();
+    EXPECT_EQ(invert(singular, inverse), 0) << n;
+    singular(0, n - 1) = NAN;
+    EXPECT_EQ(invert(singular, inverse), 0) << n;
+  }
+  Matrix rows(2, 3);
+  rows << 1, 2, 3, 4, 5, 6;
+  EXPECT_EQ(Matrix(short_block(rows, 2, 5)), (Matrix(1, 2) << 4, 6).finished());
+  EXPECT_EQ(short_block(rows, 0, 7).size(), 0);
 }
 
 TEST(ActiveSetTable, SolvesProblemsOfClassPFromAnySet) {

@@ -246,9 +246,11 @@ TEST(Batch, StagesWithSourcesOfTheirOwn) {
 }
 
 TEST(Batch, MatricesOfTheirOwnInLanes) {
-  for (const bool stages : {false, true}) {
+  for (const std::string kind : {"continuous", "without f", "stages"}) {
+    const bool stages = kind == "stages";
     Batch batch;
     batch.common = stages ? diode_bridge() : random_scene(3, 4, 6);
+    if (kind == "without f") batch.common.f = {};
     batch.scenes = 19;
     const DenseDynamics d = to_dense(batch.common.dynamics);
     const Matrix M = std::get<Matrix>(batch.common.M);
@@ -258,7 +260,7 @@ TEST(Batch, MatricesOfTheirOwnInLanes) {
       batch.M.push_back(stages ? M : Matrix(M * by));
     }
     batch.x0 = around(batch.common.x0, batch.scenes, 0.02 * batch.common.x0.cwiseAbs().maxCoeff());
-    const BatchResult found = expect_as_single(batch, marched(300), stages ? "stages" : "continuous");
+    const BatchResult found = expect_as_single(batch, marched(300), kind);
     EXPECT_GE(2 * found.in_lanes, batch.scenes);
   }
 }

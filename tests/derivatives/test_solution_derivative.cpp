@@ -262,6 +262,12 @@ TEST(SolutionDerivative, RefusesTablesOfOtherSizes) {
   SolutionChange of;
   of.x = RowMatrix::Zero(J + 1, 3);
   EXPECT_EQ(refusal([&] { derivative.vjp(of); }), "x: found 61 x 3; give 61 x 4");
+  c.g = RowMatrix::Zero(J + 1, 3);
+  c.x0 = Vector::Constant(4, NAN);
+  EXPECT_EQ(refusal([&] { derivative.jvp(c); }), "x0: has an entry that is not finite; give finite numbers");
+  of.x = RowMatrix::Zero(J + 1, 4);
+  of.y = RowMatrix::Constant(J + 1, 3, INFINITY);
+  EXPECT_EQ(refusal([&] { derivative.vjp(of); }), "y: has an entry that is not finite; give finite numbers");
 }
 
 }  // namespace

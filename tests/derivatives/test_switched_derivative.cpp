@@ -121,6 +121,20 @@ TEST(SwitchedDerivative, SaysWhereThereIsNone) {
 }
 
 // E x' = A x + B y: the same as with E^{-1} A and E^{-1} B, and its derivative with respect to E.
+// An impulse at t = 0 puts the state on the constraint, to rounding, where nothing moves it: y = w = 0 from there on,
+// and a push either leaves it or is held.
+TEST(SwitchedDerivative, RestsWhereAnImpulseHasPutIt) {
+  Scene s;
+  s.dynamics = DenseDynamics{Matrix{{0}}, Matrix{{0.18533}}, Matrix{{0.18533}}};
+  s.M = Matrix(Matrix::Zero(1, 1));
+  s.T = 1;
+  for (const double x0 : {-0.674155, -1.0, -3.3e5}) {
+    s.x0 = Vector{{x0}};
+    const std::string why = refusal([&] { SwitchedDerivative(s, Vector::LinSpaced(5, 0, 1)); });
+    EXPECT_NE(why.find("y_0 = w_0 = 0"), std::string::npos) << x0 << ": " << why;
+  }
+}
+
 TEST(SwitchedDerivative, WithAMassMatrix) {
   const auto with = [](double mass) {
     Scene s = ball(0.3, 0.1);

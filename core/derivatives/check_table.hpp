@@ -1,0 +1,19 @@
+#pragma once
+// Changes of data, and weights of solutions, as derivatives accept them.
+
+#include "../base/error.hpp"
+#include "../base/text.hpp"
+#include "../base/types.hpp"
+
+namespace bromwich {
+
+/// Throws Error where the table has another shape, or an entry that is not finite; an empty table is none.
+inline void check_table(const char* name, const Eigen::Ref<const RowMatrix>& table, Index rows, Index columns) {
+  if (table.size() == 0) return;
+  if (table.rows() != rows || table.cols() != columns)
+    throw Error(name, text("found %ld x %ld", long(table.rows()), long(table.cols())),
+                text("give %ld x %ld", long(rows), long(columns)));
+  if (!table.allFinite()) throw Error(name, "has an entry that is not finite", "give finite numbers");
+}
+
+}  // namespace bromwich
