@@ -52,7 +52,7 @@ BatchRun::BatchRun(const Batch& batch, Backend& backend, const Options& options,
   result_.x.resize(rows, Index(result_.x_components.size()));
   for (RowMatrix* fresh : {&result_.y, &result_.w, &result_.x})
     ask_for_large_pages(fresh->data(), std::size_t(fresh->size()));
-  if (dynamic_cast<SceneMarcher*>(&backend)) touch_.emplace(result_.y.data(), std::size_t(result_.y.size()));
+  if (backend.fused().scene_march) touch_.emplace(result_.y.data(), std::size_t(result_.y.size()));
   const std::size_t K = std::size_t(batch.scenes);
   result_.status.assign(K, Status::interrupted);
   result_.reason.assign(K, "");
