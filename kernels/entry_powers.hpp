@@ -6,8 +6,8 @@
 namespace bromwich::cuda {
 
 /// base^exponent, entry by entry, for exponent >= 1, by repeated squaring: about 2 log2(exponent) products of arrays,
-/// which the compiler vectorises, for a call of pow an entry. The relative error is below 2 exponent eps, no more than
-/// what a rounding of the base makes of it.
+/// which the compiler vectorises, for a call of pow an entry. To first order the relative error is at most
+/// (exponent - 1) eps / 2, less than what one rounding of the base makes of it.
 inline RowMatrix entry_powers(RowMatrix base, Index exponent) {
   RowMatrix power = RowMatrix::Ones(base.rows(), base.cols());
   for (; exponent > 0; exponent /= 2) {

@@ -196,9 +196,9 @@ class DualRun {
   bool at_rest_, used_ = false;
 };
 
-// Where the state jumps at the start, implicit Euler moves it onto the constraints at once, and Radau IIA would not.
-// Nor do cycles at the stages contract where diffusion crosses less than a hundredth of a cell in a step and M = 0;
-// those of implicit Euler do.
+// Cycles of the rule chosen, and those of implicit Euler where that rule does not serve:
+// - the state jumps at the start: implicit Euler moves it onto the constraints at once, Radau IIA does not;
+// - cycles at the stages do not contract: with M = 0 this is seen for c h / dx^2 below about 1e-3 (docs/dual.md).
 class PreparedDual final : public PreparedMethod {
  public:
   PreparedDual(TimeOperator& op, const Options& options, std::unique_ptr<DualLevels> dual)
@@ -216,14 +216,21 @@ class PreparedDual final : public PreparedMethod {
     const Start start = at_zero_.solve(result, y0);
     if (start == Start::none) return;
     if (main_->stages() == 1) return main_->run(start, y0, options, result);
-    if (start == Start::impulse) return run_by_euler(start, y0, options, result, "which a jump of the state needs");
+    std::string refusal;
+    if (start == Start::impulse) {
+      if (DualRun* euler = by_euler(options, refusal)) return euler->run(start, y0, options, result);
+      result.status = Status::unsupported;
+      result.reason = "the state jumps at t = 0, which needs cycles of implicit Euler: " + refusal;
+      return;
+    }
     Result staged = result;
     main_->run(start, y0, options, staged);
-    if (staged.status == Status::tolerance_not_met) {
-      Result by_euler = result;
-      run_by_euler(start, y0, options, by_euler, "");
-      if (by_euler.status == Status::solved) {
-        result = std::move(by_euler);
+    DualRun* euler = staged.status == Status::tolerance_not_met ? by_euler(options, refusal) : nullptr;
+    if (euler) {
+      Result first_order = result;
+      euler->run(start, y0, options, first_order);
+      if (first_order.status == Status::solved) {
+        result = std::move(first_order);
         return add_warning(
             result,
             "cycles at the stages of Radau IIA do not contract here: y and w are those of implicit Euler, "
@@ -234,17 +241,16 @@ class PreparedDual final : public PreparedMethod {
   }
 
  private:
-  void run_by_euler(Start start, const Vector& y0, const Options& options, Result& result, const char* needed) {
+  // Made when first needed; null, with the reason, where it does not exist.
+  DualRun* by_euler(const Options& options, std::string& refusal) {
     if (!euler_) {
       auto levels = dual_levels(op_, 1, options);
-      if (levels->levels.size() == 0) {
-        result.status = Status::unsupported;
-        result.reason = text("no cycles in w by implicit Euler, %s: %s", needed, levels->refusal.c_str());
-        return;
-      }
-      euler_ = std::make_unique<DualRun>(op_, options, std::move(levels));
+      if (levels->levels.size() == 0)
+        refusal = levels->refusal;
+      else
+        euler_ = std::make_unique<DualRun>(op_, options, std::move(levels));
     }
-    euler_->run(start, y0, options, result);
+    return euler_.get();
   }
 
   TimeOperator& op_;

@@ -1,12 +1,14 @@
-// Threads that share short work (kernels/helpers.hpp).
+// Threads that share short work (kernels/helpers.hpp); powers of decays (kernels/entry_powers.hpp).
 
 #include "core/base/first_touch.hpp"
+#include "kernels/entry_powers.hpp"
 #include "kernels/helpers.hpp"
 
 #include <gtest/gtest.h>
 
 #include <atomic>
 #include <cmath>
+#include <limits>
 #include <thread>
 #include <vector>
 
@@ -33,6 +35,22 @@ TEST(Helpers, ShareWorkOutOnce) {
 }
 
 TEST(Helpers, EndWithoutWork) { Helpers unused(3); }
+
+// Against powers in extended precision. n - 1 roundings of relative size u = eps / 2 make at most
+// (n - 1) u / (1 - (n - 1) u); the last conversion to double adds less than u.
+TEST(EntryPowers, ErrByNoMoreThanTheirRoundings) {
+  const RowMatrix base =
+      RowMatrix::NullaryExpr(3, 40, [](Index i, Index j) { return 1 - 1e-4 * double(1 + 40 * i + j); });
+  for (const Index exponent : {1, 2, 3, 31, 64, 1000, 4097}) {
+    const RowMatrix power = cuda::entry_powers(base, exponent);
+    const double u = 0.5 * std::numeric_limits<double>::epsilon(),
+                 bound = double(exponent) * u / (1 - double(exponent) * u);
+    for (Index i = 0; i < base.size(); ++i) {
+      const long double exact = std::pow(static_cast<long double>(base.data()[i]), static_cast<long double>(exponent));
+      EXPECT_LE(std::abs(static_cast<double>((power.data()[i] - exact) / exact)), bound) << exponent << ", entry " << i;
+    }
+  }
+}
 
 // Every page is written, nothing beyond the values, and nothing after the end.
 TEST(FirstTouch, WritesAllPages) {
