@@ -38,16 +38,16 @@ constexpr auto benchmarks = std::to_array<Benchmark>({
      bench_goal},
     {"gpu", "the CUDA backend on signorini: one sweep in parts, whole solves, compared with the CPU", bench_gpu},
     {"convolution", "the two ways to apply the kernel: exponential scan and FFT", bench_convolution},
-    {"dual", "cycles in w on contact: contraction, and time compared with marching on one core", bench_dual},
+    {"dual", "cycles in w on contact: contraction, and time compared with marching on one core", bench_dual, true},
     {"multigrid", "cycles on signorini: contraction, and cost to reach a tenth of the discretisation error",
-     bench_multigrid},
+     bench_multigrid, true},
     {"nonlinear", "reaction and diffusion at large sizes: error and time, compared with marching on one core",
      bench_nonlinear},
     {"paper", "the experiments of the paper on Laplace inversion, compared with its numbers", bench_paper},
     {"scale", "time points of a Kronecker scene divided among the ranks of mpirun, and a model for more of them",
      bench_scale},
     {"scenes", "all scene files of a folder: class, spectrum, method, error and time", bench_scenes},
-    {"signorini3d", "contact on a face: cycles, marching and implicit Euler, times and work", bench_signorini3d},
+    {"signorini3d", "contact on a face: cycles, marching and implicit Euler, times and work", bench_signorini3d, true},
     {"solver", "a prepared scene solved again with another x0, compared with whole solves", bench_solver},
     {"sparse", "heat on a square with 1e5 states and ten contacts", bench_sparse},
     {"streams", "scenes with matrices of their own on one device, several at a time", bench_streams},
@@ -70,13 +70,20 @@ const Benchmark& find_benchmark(const std::vector<std::string>& names) {
               "use one of " + join(known));
 }
 
-BenchRequest make_request(const BenchArguments& arguments, const Words& words) {
+BenchRequest make_request(const BenchArguments& arguments, const Words& words, const Benchmark& benchmark) {
   if (words.names.size() > 2)
     throw Error("SCENE", "found " + join({words.names.begin() + 1, words.names.end()}), "name one scene");
   BenchRequest request;
   if (words.names.size() == 2) request.scene = words.names[1];
   request.settings = parse_settings(words.settings);
   request.quick = arguments.quick;
+  request.backend = arguments.backend;
+  if (!request.backend.empty() && !benchmark.each_backend)
+    throw Error("--backend", fmt::format("found with '{}'", benchmark.name),
+                "leave it out: this benchmark has its own");
+  if (!request.backend.empty() && request.backend != "cpu" && request.backend != "cuda")
+    throw Error("--backend", "found '" + request.backend + "'" + suggestion(request.backend, {"cpu", "cuda"}),
+                "use cpu or cuda, or leave it out to measure both");
   request.siconos = arguments.siconos;
   if (!request.siconos.empty() && access(request.siconos.c_str(), X_OK) != 0)
     throw Error("--siconos", fmt::format("no program '{}'", request.siconos),
@@ -119,7 +126,7 @@ std::string bench_list() {
 int run_bench(const BenchArguments& arguments) {
   const Words words = split_words(arguments.words, arguments.settings);
   const Benchmark& benchmark = find_benchmark(words.names);
-  const BenchRequest request = make_request(arguments, words);
+  const BenchRequest request = make_request(arguments, words, benchmark);
   const int threads = threads_of_rank(arguments.threads.empty() ? 0 : parse_threads(arguments.threads));
   std::optional<OutputFile> out;
   if (!arguments.out.empty()) out.emplace("--out", arguments.out, ".json");

@@ -26,7 +26,7 @@ struct SolveArguments {
 
 struct BenchArguments {
   std::vector<std::string> words, settings;
-  std::string steps, threads, out, siconos;
+  std::string steps, threads, out, backend, siconos;
   bool quick = false;
 };
 

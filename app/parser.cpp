@@ -197,6 +197,8 @@ CLI::App* add_command(CLI::App& app, BenchArguments& a) {
   add_word(command, "--steps", a.steps, "J", "time steps; default: the benchmark's own sizes");
   add_word(command, "--threads", a.threads, "N", "threads; default: all cores");
   add_word(command, "--out", a.out, "FILE.json", "write the measurements with machine, compiler and commit");
+  add_word(command, "--backend", a.backend, "NAME",
+           "dual, multigrid, signorini3d: measure on cpu or on cuda alone; default: both, where a device is found");
   command->add_flag("--quick", a.quick, "smallest size, fewer repeats, coarser reference");
   add_word(command, "--siconos", a.siconos, "PROGRAM",
            "stability: also by Siconos, through bench/peers/siconos_loop.cpp compiled as PROGRAM");

@@ -355,7 +355,7 @@ BenchReport bench_dual(const BenchRequest& request, Backend& backend) {
     if (std::none_of(different.begin(), different.end(), same)) different.push_back(grid);
   }
   const bool with_puts = request.settings.empty() && request.steps == 0;
-  const std::string text = on_both_backends(backend, report, [&](Backend& one) {
+  const std::string text = on_each_backend(request, backend, report, [&](Backend& one) {
     const bool host = one.name() == "cpu";
     std::string tables;
     for (const bool by_euler : {false, true}) {
@@ -369,7 +369,7 @@ BenchReport bench_dual(const BenchRequest& request, Backend& backend) {
   });
   report.notes = dual_notes(report.rows);
   for (std::string& note : notes_on_dual_times(report.rows)) report.notes.push_back(std::move(note));
-  if (backend.name() == "cpu" && with_puts) report.notes.push_back(note_on_puts(report.rows));
+  if (request.backend != "cuda" && with_puts) report.notes.push_back(note_on_puts(report.rows));
   print_with_notes(text, report);
   return report;
 }

@@ -235,7 +235,7 @@ BenchReport bench_multigrid(const BenchRequest& request, Backend& backend) {
   const auto same = [](const Grid& a, const Grid& b) { return a.Q == b.Q && a.J == b.J; };
   chosen.erase(std::unique(chosen.begin(), chosen.end(), same), chosen.end());
 
-  const std::string text = on_both_backends(backend, report, [&](Backend& one) {
+  const std::string text = on_each_backend(request, backend, report, [&](Backend& one) {
     Study study(one, std::min(request.repeats(), 3), report);
     for (const Grid& size : chosen) study.run(size);
     return table(study.lines());

@@ -143,7 +143,7 @@ BenchReport bench_signorini3d(const BenchRequest& request, Backend& backend) {
   report.details["probes"] = "y at T at the points (Q/2, Q/2) and (Q/2, Q/4 + 1) of the face, counted from 0";
   std::vector<FaceGrid> chosen = grids_of_faces(request.quick);
   if (request.settings.contains("Q")) chosen = {{request.settings.at("Q"), request.steps > 0 ? request.steps : 256}};
-  const std::string text = on_both_backends(backend, report, [&](Backend& one) {
+  const std::string text = on_each_backend(request, backend, report, [&](Backend& one) {
     FaceStudy study(one, std::min(request.repeats(), 3), report);
     for (const FaceGrid& size : chosen) study.run(size);
     return table(study.lines());

@@ -79,10 +79,14 @@ std::string table(const std::vector<std::vector<std::string>>& rows) {
   return text;
 }
 
-std::string on_both_backends(Backend& backend, BenchReport& report, const std::function<std::string(Backend&)>& study) {
-  std::string text = study(backend);
-  if (cuda_devices().empty() || backend.name() != "cpu") return text;
-  const auto cuda = make_cuda_backend(make_cpu_backend(backend.device().threads));
+std::string on_each_backend(const BenchRequest& request, Backend& host, BenchReport& report,
+                            const std::function<std::string(Backend&)>& study) {
+  const bool device = !cuda_devices().empty();
+  if (request.backend == "cuda" && !device)
+    throw Error("--backend", "found 'cuda' but no CUDA device", "leave it out, or see what bromwich info says");
+  std::string text = request.backend == "cuda" ? "" : study(host);
+  if (!device || request.backend == "cpu") return text;
+  const auto cuda = make_cuda_backend(make_cpu_backend(host.device().threads));
   report.parameters = {{"device", cuda->device().name}};
   return text + study(*cuda);
 }

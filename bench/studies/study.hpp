@@ -18,6 +18,7 @@ struct BenchRequest {
   std::optional<std::string> scene;
   ParameterValues settings;
   Index steps = 0;      ///< 0 = the benchmark's own choice
+  std::string backend;  ///< the one that is measured, of studies on each; empty: all
   std::string siconos;  ///< the program of bench/peers/siconos_loop.cpp; empty: without Siconos
   bool quick = false;
 
@@ -37,6 +38,7 @@ struct Benchmark {
   const char* name;
   const char* summary;
   BenchReport (*run)(const BenchRequest&, Backend&);
+  bool each_backend = false;  ///< measures on the host and on a device, or on one of them
 };
 
 /// Also on the CUDA backend if a device is found.
@@ -99,9 +101,10 @@ Json to_json(const Errors& errors);
 /// First row is the header; the first column is aligned left, the others right.
 std::string table(const std::vector<std::vector<std::string>>& rows);
 
-/// Runs a study on the backend and, if that is the CPU and there is a CUDA device, on the device as well. Returns the
-/// text of both.
-std::string on_both_backends(Backend&, BenchReport&, const std::function<std::string(Backend&)>& study);
+/// Runs a study on the host and, where there is a CUDA device, on the device as well; on one of them where the request
+/// names it. Returns the text of all. Throws Error for cuda without a device.
+std::string on_each_backend(const BenchRequest&, Backend& host, BenchReport&,
+                            const std::function<std::string(Backend&)>& study);
 
 /// Prints the text and the notes of the report.
 void print_with_notes(std::string text, const BenchReport&);

@@ -145,6 +145,8 @@ TEST_F(Cli, RefusesBadBenchInput) {
   EXPECT_TRUE(contains(refused("bench baselines --steps 0").err, "--steps"));
   EXPECT_TRUE(contains(refused("bench baselines --threads 0").err, "--threads"));
   EXPECT_TRUE(contains(refused("bench baselines --out a.csv").err, ".json"));
+  EXPECT_TRUE(contains(refused("bench baselines --backend cpu").err, "'baselines'"));
+  EXPECT_TRUE(contains(refused("bench dual --backend gpu").err, "did you mean 'cuda'"));
 }
 
 TEST_F(Cli, RefusesAnOutputThatIsNoRegularFile) {
