@@ -102,7 +102,7 @@ class EqualError {
 DualReach dual_reach(const Backend& backend, bool quick) {
   if (quick) return {10, 6e5, 1e6, 1e6, 1};
   if (backend.name() == "cpu") return {150, 6e5, 2.4e6, 2e7, 10};
-  return {230, 1.7e7, 6.8e7, 0, 30};
+  return {190, 1.7e7, 6.8e7, 0, 30};
 }
 
 Options dual_options(Method method, Index J, bool by_euler) {
