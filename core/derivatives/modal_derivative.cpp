@@ -3,7 +3,6 @@
 #include "core/base/error.hpp"
 #include "core/base/text.hpp"
 #include "core/numerics/phi.hpp"
-#include "core/numerics/sine_basis.hpp"
 #include "core/scene/separable.hpp"
 
 #include <algorithm>
@@ -63,6 +62,7 @@ ModalDerivative::ModalDerivative(const Scene& scene, const Result& result)
       transposed_M_(transposed(scene.M)),
       M_(to_dense(scene.M)),
       across_(d_.across.modes()),
+      face_(d_.face_extents()),
       J_(result.steps),
       m_(scene.states()),
       n_(scene.constraints()),
@@ -77,9 +77,8 @@ ModalDerivative::ModalDerivative(const Scene& scene, const Result& result)
     refuse_in_modes("the result has other rows than its grid", "differentiate a result as solve returned it");
   every_.resize(std::size_t(n_));
   std::iota(every_.begin(), every_.end(), Index(0));
-  for (const Index points : d_.face_extents()) sines_.push_back(sine_matrix(points));
   // W = M + S diag(W_0) S.
-  const RowMatrix S = in_modes(RowMatrix::Identity(n_, n_));
+  const RowMatrix S = face_.of(RowMatrix::Identity(n_, n_));
   const Matrix W = M_ + S * convolution_.own().asDiagonal() * S;
   sets_.resize(std::size_t(J_) + 1);
   for (Index j = 0; j <= J_; ++j)
@@ -90,57 +89,13 @@ ModalDerivative::ModalDerivative(const Scene& scene, const Result& result)
       y_, w_, t_, [this](Index j) -> const std::vector<Index>& { return responses_.active(sets_[std::size_t(j)]); });
 }
 
-// Between n values on the face and its modes: one product for each direction.
-void ModalDerivative::to_modes(double* values) const {
-  Index outer = 1, inner = n_;
-  for (const Matrix& S : sines_) {
-    inner /= S.rows();
-    for (Index i = 0; i < outer; ++i) {
-      Eigen::Map<RowMatrix> block(values + i * S.rows() * inner, S.rows(), inner);
-      block = (S * block).eval();
-    }
-    outer *= S.rows();
-  }
-}
-
-// Each row.
-RowMatrix ModalDerivative::in_modes(RowMatrix values) const {
-  if (sines_.size() == 1) return values * sines_[0];
-  for (Index j = 0; j < values.rows(); ++j) to_modes(values.row(j).data());
-  return values;
-}
-
-void ModalDerivative::add_modes(RowMatrix values, RowMatrix& to) const {
-  if (sines_.size() == 1)
-    to.noalias() += values * sines_[0];
-  else
-    to += in_modes(std::move(values));
-}
-
-// S v at the constraints of a set, and S v of a v that is zero elsewhere; in several directions at all.
-void ModalDerivative::seen_on(const std::vector<Index>& set, const Vector& modes, Vector& values) const {
-  if (sines_.size() > 1) {
-    values = modes;
-    return to_modes(values.data());
-  }
-  for (const Index i : set) values[i] = sines_[0].col(i).dot(modes);
-}
-void ModalDerivative::modes_of_set(const std::vector<Index>& set, const Vector& values, Vector& modes) const {
-  if (sines_.size() > 1) {
-    modes = values;
-    return to_modes(modes.data());
-  }
-  modes.setZero(n_);
-  for (const Index i : set) modes += values[i] * sines_[0].col(i);
-}
-
 // K x n modes of m values, face points slowest.
 RowMatrix ModalDerivative::state_modes(const Vector& x) const {
-  return in_modes(across_.transpose() * Eigen::Map<const RowMatrix>(x.data(), n_, K_).transpose());
+  return face_.of(across_.transpose() * Eigen::Map<const RowMatrix>(x.data(), n_, K_).transpose());
 }
 
 Vector ModalDerivative::state_of(const RowMatrix& modes) const {
-  const RowMatrix x = in_modes(modes).transpose() * across_.transpose();
+  const RowMatrix x = face_.of(modes).transpose() * across_.transpose();
   return Eigen::Map<const Vector>(x.data(), m_);
 }
 
@@ -160,7 +115,7 @@ ModalDerivative::StateMaps ModalDerivative::state_maps() const {
 
 // w of the states that x0 and u = y + phi give: it has to vanish where y acts.
 void ModalDerivative::follow(const RowMatrix& x0, const RowMatrix& u) {
-  const RowMatrix modes = in_modes(u);
+  const RowMatrix modes = face_.of(u);
   RowMatrix v = start_.response(x0, J_);
   ModalConvolution::State z = convolution_.state();
   Vector a(n_), off(n_);
@@ -168,7 +123,7 @@ void ModalDerivative::follow(const RowMatrix& x0, const RowMatrix& u) {
     convolution_.advance(j, modes.row(j - 1).data(), z, a);
     v.row(j) += (a + convolution_.own().cwiseProduct(modes.row(j).transpose())).transpose();
   }
-  add_modes(std::move(v), w_);
+  w_ += face_.of(std::move(v));
   const double allowed = same_y * (1e-290 + y_.cwiseAbs().maxCoeff());
   for (Index j = 0; j <= J_; ++j) {
     const Index set = sets_[std::size_t(j)];

@@ -11,6 +11,7 @@
 
 #include "../result/result.hpp"
 #include "../scene/scene.hpp"
+#include "face_modes.hpp"
 #include "modal_convolution.hpp"
 #include "solution_derivative.hpp"
 
@@ -44,17 +45,12 @@ class ModalDerivative {
   Vector state_of(const RowMatrix& modes) const;
   RowMatrix states_of(const RowMatrix& x0, const RowMatrix& u) const;
   std::pair<RowMatrix, RowMatrix> states_transposed(const RowMatrix& of_x) const;
-  void to_modes(double* values) const;
-  RowMatrix in_modes(RowMatrix values) const;
-  void add_modes(RowMatrix values, RowMatrix& to) const;
-  void seen_on(const std::vector<Index>& set, const Vector& modes, Vector& values) const;
-  void modes_of_set(const std::vector<Index>& set, const Vector& values, Vector& modes) const;
   void follow(const RowMatrix& x0, const RowMatrix& u);
 
   KroneckerDynamics d_;
   LcpMatrix scene_M_, transposed_M_;
-  Matrix M_, across_;          ///< across_: modes of one line in its columns
-  std::vector<Matrix> sines_;  ///< of the directions of the face
+  Matrix M_, across_;  ///< across_: modes of one line in its columns
+  FaceModes face_;
   Index J_ = 0, m_ = 0, n_ = 0, K_ = 0;
   double h_ = 0;
   Vector t_, seen_;  ///< seen_: n^, K

@@ -6,6 +6,7 @@
 #include "core/base/text.hpp"
 #include "core/derivatives/check_table.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <tuple>
 #include <utility>
@@ -31,6 +32,17 @@ void add_product(const LcpMatrix& M, const double* y, double* w) {
   }
 }
 
+// a^T b, some rows at a time: the copies that a product makes of its factors stay small.
+Matrix transposed_product(const RowMatrix& a, const RowMatrix& b) {
+  constexpr Index together = 64;
+  Matrix product = Matrix::Zero(a.cols(), b.cols());
+  for (Index j = 0; j < a.rows(); j += together) {
+    const Index count = std::min(together, a.rows() - j);
+    product.noalias() += a.middleRows(j, count).transpose() * b.middleRows(j, count);
+  }
+  return product;
+}
+
 }  // namespace
 
 SolutionChange ModalDerivative::jvp(const DataChange& c, bool states) const {
@@ -49,9 +61,9 @@ SolutionChange ModalDerivative::jvp(const DataChange& c, bool states) const {
   else
     w.setZero();
   if (c.M.size() > 0) w.noalias() += y_ * c.M.transpose();
-  if (x0.size() > 0) add_modes(start_.response(x0, J_), w);
+  if (x0.size() > 0) w += face_.of(start_.response(x0, J_));
   Vector terms = w.row(0).cwiseAbs().transpose();
-  RowMatrix u = c.f.size() > 0 ? in_modes(c.f) : RowMatrix::Zero(J_ + 1, n_), v(J_ + 1, n_);
+  RowMatrix u = c.f.size() > 0 ? face_.of(c.f) : RowMatrix::Zero(J_ + 1, n_), v(J_ + 1, n_);
   ModalConvolution::State z = convolution_.state();
   Vector a = Vector::Zero(n_), q = Vector::Zero(n_), dy(n_), driven(n_);
   for (Index j = 0; j <= J_; ++j) {
@@ -60,10 +72,10 @@ SolutionChange ModalDerivative::jvp(const DataChange& c, bool states) const {
       convolution_.advance(j, u.row(j - 1).data(), z, a);
       a += convolution_.own().cwiseProduct(u.row(j).transpose());
     }
-    seen_on(active, a, q);
+    face_.seen_on(active, a, q);
     for (const Index i : active) q[i] += w(j, i);
     responses_.solve(sets_[std::size_t(j)], q, dy);
-    modes_of_set(active, dy, driven);
+    face_.of_set(active, dy, driven);
     u.row(j) += driven.transpose();
     if (j > 0) a += convolution_.own().cwiseProduct(driven);
     v.row(j) = a.transpose();
@@ -73,7 +85,7 @@ SolutionChange ModalDerivative::jvp(const DataChange& c, bool states) const {
     else
       out.integral.row(0).setZero();
   }
-  add_modes(std::move(v), w);
+  w += face_.of(std::move(v));
   for (Index j = 0; j <= J_; ++j) add_product(scene_M_, out.y.row(j).data(), w.row(j).data());
   terms += M_.cwiseAbs() * out.y.row(0).cwiseAbs().transpose();
   if (x0.size() > 0) terms.array() += (seen_.cwiseAbs().transpose() * x0.cwiseAbs()).norm();
@@ -91,11 +103,11 @@ DataChange ModalDerivative::vjp(const SolutionChange& of) const {
   RowMatrix of_u = RowMatrix::Zero(J_ + 1, n_), of_x0, rho = RowMatrix::Zero(J_ + 1, n_), given;
   if (of.x.size() > 0) std::tie(of_u, of_x0) = states_transposed(of.x);
   if (of.w.size() > 0) {
-    rho = in_modes(of.w);
+    rho = face_.of(of.w);
     of_u.bottomRows(J_) += rho.bottomRows(J_) * convolution_.own().asDiagonal();
   }
   // What w and x at any time have of y, without the states that y leads to.
-  if (of.x.size() > 0 || of.w.size() > 0) given = in_modes(of_u);
+  if (of.x.size() > 0 || of.w.size() > 0) given = face_.of(of_u);
   const double of_start = given.size() > 0 ? given.row(0).norm() : 0;
   for (Index j = 0; j < of.w.rows(); ++j) add_product(transposed_M_, of.w.row(j).data(), given.row(j).data());
   bar.g = of.w.size() > 0 ? of.w : RowMatrix::Zero(J_ + 1, n_);
@@ -108,7 +120,7 @@ DataChange ModalDerivative::vjp(const SolutionChange& of) const {
       of_u.row(j) += b.transpose();
     }
     eta.setZero();
-    seen_on(j > 0 ? active : every_, b, eta);
+    face_.seen_on(j > 0 ? active : every_, b, eta);
     const double of_states = j == 0 ? eta.norm() + of_start : 0;
     if (given.size() > 0) eta += given.row(j).transpose();
     if (of.y.size() > 0) eta += of.y.row(j).transpose();
@@ -119,16 +131,16 @@ DataChange ModalDerivative::vjp(const SolutionChange& of) const {
     }
     if (j == 0) check_gradient_at_start(undecided_at_start(y_, w_, active), eta, of_states + eta.norm());
     responses_.solve_transposed(sets_[std::size_t(j)], eta, mu);
-    modes_of_set(active, mu, modes);
+    face_.of_set(active, mu, modes);
     rho.row(j) -= modes.transpose();
     if (j > 0) of_u.row(j) -= convolution_.own().cwiseProduct(modes).transpose();
     bar.g.row(j) -= mu.transpose();
   }
-  bar.f = in_modes(std::move(of_u));
+  bar.f = face_.of(std::move(of_u));
   RowMatrix start = start_.transposed(rho);
   if (of_x0.size() > 0) start += of_x0;
   bar.x0 = state_of(start);
-  bar.M.noalias() = bar.g.transpose() * y_;
+  bar.M = transposed_product(bar.g, y_);
   return bar;
 }
 
