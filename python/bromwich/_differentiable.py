@@ -18,8 +18,7 @@ from ._solve import solve
 AXES = {"x0": 1, "f": 2, "g": 2, "A": 2, "B": 2, "N": 2, "M": 2}
 DATA = tuple(AXES)
 
-
-#: Of the data, in the order of DATA; None where there are none.
+#: The shape of each array in DATA, in that order; None for one that is not given.
 Shapes = Sequence[Optional[tuple[int, ...]]]
 
 
