@@ -12,7 +12,7 @@ from ._result import Result, require
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-# Beyond so many, lines say nothing: components against time as a picture.
+# With more components, a picture of components against time is drawn in place of lines.
 MOST_LINES = 10
 
 

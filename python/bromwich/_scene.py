@@ -1,4 +1,4 @@
-"""Scenes: what is solved."""
+"""Scenes: the problems to solve."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Scene:
         E0, ET, b: instead of x0: ``E0 x(0) + ET x(T) = b``, m x m, m x m and m values (method galerkin).
         free: rows i of mixed problems, with w_i = 0 and y_i of either sign.
         lcp_class: ``"auto"``, ``"P"``, ``"Z"`` or ``"PSD"``, what is known of M.
-        breakpoints: times in [0, T] at which f or g may jump or have a kink. Functions are looked through for others.
+        breakpoints: times in [0, T] at which f or g may jump or have a kink. Others are searched in functions.
         parameters: names and values for expressions.
         steps: time steps J where a solve does not say; default 400, or those of a table.
         dynamics: in place of A, B, N and E: :class:`Dynamics` (callbacks) or :class:`Kronecker`.
@@ -211,17 +211,17 @@ class Scene:
 
     @property
     def parameters(self) -> dict[str, float]:
-        """Of a file or a built-in scene, with the settings; of expressions."""
+        """Parameters of a file or a built-in scene, with the settings, or those given for expressions."""
         return dict(self._parameters)
 
     @property
     def names(self) -> dict[str, list[str]]:
-        """Of the components of x, y and w, by these letters; empty lists where none were given."""
+        """Names of the components, under the keys x, y and w; empty lists where none were given."""
         return dict(self._facts.get("names") or self._model.names)
 
     @property
     def units(self) -> dict[str, list[str]]:
-        """Units of the components of x, y and w, likewise, and that of time, a list of one text, as ``"t"``."""
+        """Units of the components under x, y and w, and the unit of time, a list of one text, under t."""
         of_file = {"t": [self._model.time_unit] if self._model.time_unit else [], **self._model.units}
         return dict(self._facts.get("units") or of_file)
 
@@ -232,12 +232,12 @@ class Scene:
 
     @property
     def warning(self) -> str:
-        """What was not found out when a file was read, or an empty string."""
+        """A limit of the reader that concerns this file, or an empty string."""
         return self._facts.get("warning", "")
 
     @property
     def reference(self) -> dict[str, Any] | None:
-        """What a file says of its solution: t, x, y, tolerance, status, source; None where it says nothing."""
+        """The reference of a file for its solution: t, x, y, tolerance, status, source; None without one."""
         return self._facts.get("reference")
 
     def exact(self, t: float) -> tuple[np.ndarray, np.ndarray] | None:
@@ -283,7 +283,7 @@ def scenes() -> dict[str, dict[str, Any]]:
 def _restored(
     cls: type[Scene], state: dict[str, Any], sources: tuple, parameters: dict[str, float], facts: dict[str, Any]
 ) -> Scene:
-    """A scene that was stated by arrays, from what ``Scene.__reduce__`` has kept."""
+    """A scene of arrays, from the state that ``Scene.__reduce__`` has pickled."""
     model = _core.Model.empty()
     model.name, model.T, model.steps, model.free_rows = (state[k] for k in ("name", "T", "steps", "free_rows"))
     for key in ("dynamics", "M"):
@@ -302,7 +302,7 @@ def _restored(
 
 
 def _made_again(cls: type[Scene], recipe: tuple, fingerprint: str) -> Scene:
-    """A scene of a file, of the catalogue or of a relay."""
+    """A scene of a file, of the catalogue or of a relay, made again."""
     maker, arguments, named = recipe
     made = scene(*arguments, **named) if maker == "catalogue" else getattr(cls, maker)(*arguments, **named)
     if _fingerprint(made._model) != fingerprint:
@@ -312,7 +312,7 @@ def _made_again(cls: type[Scene], recipe: tuple, fingerprint: str) -> Scene:
 
 
 def _fingerprint(model: _core.Model) -> str:
-    """Of all numbers of a scene, and of its sources at a few times."""
+    """A hash of all numbers of a scene, and of its sources at a few times."""
     times = model.T * np.array([0.0, 0.137, 0.381, 0.729, 1.0])
     values = [_core.source_values(model, float(t)) for t in times]
     return hashlib.sha256(pickle.dumps((_core.state_of_model(model), values), protocol=4)).hexdigest()

@@ -77,7 +77,7 @@ def test_the_widest_that_fits(monkeypatch):
         assert _load.chosen() == expected
     monkeypatch.setattr(_load, "_level", lambda: 3)
     monkeypatch.setenv("BROMWICH_VECTORS", "avx512")
-    with pytest.raises(ImportError, match="this processor has not"):
+    with pytest.raises(ImportError, match="this processor does not have"):
         _load.chosen()
     monkeypatch.setattr(_load, "_file", lambda name: None if name == "avx2" else Path(name))
     monkeypatch.delenv("BROMWICH_VECTORS")
