@@ -132,6 +132,14 @@ void open_outputs(const SolveArguments& arguments, const SceneChoice& choice, Ou
   made.switches.emplace("--switches", arguments.switches, ".csv");
 }
 
+/// The names of the files of a run, for its summary.
+std::string written(const SolveArguments& arguments) {
+  std::vector<std::string> names;
+  for (const std::string& name : {arguments.out, arguments.switches, arguments.report})
+    if (!name.empty()) names.push_back(name);
+  return join(names);
+}
+
 /// Printed before anything is computed.
 void check_energies(const SolveArguments& arguments, const Scene& scene, const Options& options) {
   if (!arguments.energies) return;
@@ -341,7 +349,7 @@ int run_solve(const SolveArguments& arguments) {
   if (parts && files.out) files.out->finish(facts);
   if (files.report) write_report(*files.report, choice, result, object);
   print(arguments.json ? dump(object)
-                       : summary(choice, result, used, error, arguments.out, system ? system->method() : ""));
+                       : summary(choice, result, used, error, written(arguments), system ? system->method() : ""));
   if (result.status == Status::solved) return exit_solved;
   report_status(result);
   return exit_not_solved;

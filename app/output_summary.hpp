@@ -8,8 +8,8 @@
 
 namespace bromwich::app {
 
-/// The text output of `solve`: about ten aligned lines. `out` is the written file, or empty; `method` another word for
-/// the method, or empty.
+/// The text output of `solve`: about ten aligned lines. `out` names the written files, or is empty; `method`
+/// is another word for the method, or empty.
 std::string summary(const SceneChoice& choice, const Result& result, int threads, const ReferenceError& error,
                     const std::string& out, const std::string& method = "");
 

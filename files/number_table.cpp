@@ -75,9 +75,9 @@ std::string read_text(const NumberFile& file, const std::string& where) {
   const Descriptor opened(::open(file.path.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC));
   struct stat found {};
   if (opened.number < 0 && (errno == ENOENT || errno == ENOTDIR))
-    throw refused("the file '{}' does not exist", "name a file by its path from the folder of the scene file");
+    throw refused("the file '{}' does not exist", "name a file by its path, in scene files from their folder");
   if (opened.number < 0 && errno == ENAMETOOLONG)
-    throw refused("the name '{}' is too long for a file", "name a file by its path from the folder of the scene file");
+    throw refused("the name '{}' is too long for a file", "name a file by its path, in scene files from their folder");
   if (opened.number < 0 || ::fstat(opened.number, &found) != 0)
     throw refused("the file '{}' cannot be read", "check its permissions");
   if (S_ISDIR(found.st_mode)) throw refused("'{}' is a folder", "name a file");

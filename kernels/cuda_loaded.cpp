@@ -29,7 +29,10 @@ Loaded load() {
   if (file().empty()) return {nullptr, "this package has no CUDA backend"};
   void* library =
       dlopen(file().c_str(), RTLD_NOW | RTLD_LOCAL);  // never closed: the CUDA libraries end with the process
-  if (!library) return {nullptr, "the CUDA backend cannot be loaded: " + reason()};
+  if (!library)
+    return {nullptr, "the CUDA backend cannot be loaded: " + reason() +
+                         " (it needs libcudart, libcublas and libcufft of one CUDA version, from the system or from "
+                         "NVIDIA's packages for Python)"};
   const auto entry = reinterpret_cast<CudaPluginEntry>(dlsym(library, cuda_plugin_symbol));
   if (!entry) return {nullptr, file() + " is no CUDA backend of bromwich: " + reason()};
   const CudaPlugin* plugin = entry(cuda_plugin_abi().c_str());

@@ -1,11 +1,12 @@
-// Many small dense scenes, one thread each (core/batch/scene_steps.hpp); numbers of neighbouring threads lie side by
-// side. One kernel takes the steps, one turns rows of scenes around and gives them the units of the scenes. The checks
-// are a kernel of another stream, beside the copy of the rows to the host.
+// Many small dense scenes, one thread each (core/batch/scene_steps.hpp). Numbers of neighbouring threads are adjacent
+// in memory. One kernel takes the steps. One transposes the results into rows of scenes, in the units of the scenes.
+// The checks are a kernel of another stream and run while the rows are copied to the host.
 
 #include "core/batch/scene_steps.hpp"
 #include "core/scene/natural_units.hpp"
 #include "core/seam/scene_march.hpp"
 #include "kernels/parts.hpp"
+#include "kernels/stored_problem.cuh"
 
 #include <cmath>
 #include <cstdint>
@@ -25,110 +26,6 @@ using scene_steps::Steps;
 
 constexpr int threads = 64;
 constexpr int tile = 32;
-
-struct Sets {
-  const double *V, *rows, *columns;
-  bool all_solutions;
-};
-
-// The problem of a scene, which keeps its active set from step to step.
-struct StoredProblem {
-  Sets sets;
-  const double* longest;  // null: no limits
-  unsigned set = 0;
-
-  template <Index u>
-  constexpr double row_times(const double* q, Index i) const {
-    const double* v = sets.V + (Index(set) * u + i) * u;
-    double sum = 0;
-    for (Index k = 0; k < u; ++k) sum += v[k] * q[k];
-    return sum;
-  }
-  template <Index u>
-  constexpr bool usable() const {
-    return sets.V[Index(set) * u * u] == sets.V[Index(set) * u * u];
-  }
-  constexpr bool active(Index i) const { return set >> i & 1u; }
-
-  // Semismooth Newton, as ActiveSetTable::solve. A cycle uses up its sweeps.
-  template <Index u>
-  constexpr bool newton(const double* q, double largest, double* value) {
-    for (int sweep = 0; sweep < 12 + int(u); ++sweep) {
-      if (!usable<u>()) return false;
-      unsigned flips = 0;
-      const double* v = sets.V + Index(set) * u * u;
-      for (Index i = 0; i < u; ++i) {
-        double sum = 0, terms = 0;
-        for (Index k = 0; k < u; ++k) {
-          const double term = v[i * u + k] * q[k];
-          sum += term;
-          terms += term < 0 ? -term : term;
-        }
-        value[i] = sum;
-        if (sum < -16 * epsilon * largest && sum < -16 * epsilon * terms) flips |= 1u << i;
-      }
-      if (flips == 0) return true;
-      set ^= flips;
-    }
-    return false;
-  }
-
-  template <Index u>
-  constexpr void take_value(const double* value, double* y) const {
-    for (Index i = 0; i < u; ++i) {
-      const double own = value[i] * sets.columns[i];
-      y[i] = active(i) && own > 0 ? own : 0;
-    }
-  }
-
-  template <Index u>
-  constexpr double largest_of(const double* q) const {
-    double largest = 0;
-    for (Index i = 0; i < u; ++i) {
-      const double size = (q[i] < 0 ? -q[i] : q[i]) * sets.rows[i];
-      largest = size > largest ? size : largest;
-    }
-    return largest;
-  }
-
-  template <Index u>
-  constexpr void solve(const double* q, double* y, bool& lost) {
-    double value[u] = {};
-    const double largest = largest_of<u>(q);
-    if (!lost && !newton<u>(q, largest, value)) lost = true;
-    take_value<u>(value, y);
-  }
-
-  template <Index u>
-  constexpr void try_stages(const double* q, double* y, bool& uncertain) {
-    double value[u] = {};
-    const double largest = largest_of<u>(q);
-    bool certain = newton<u>(q, largest, value);
-    double least = INFINITY, most = 0;
-    for (Index i = 0; i < u; ++i) {
-      const double size = value[i] < 0 ? -value[i] : value[i];
-      least = value[i] < least ? value[i] : least;
-      most = size > most ? size : most;
-    }
-    certain = certain && (sets.all_solutions || least > 2e-10 * (largest + double(2 * u) * most));
-    uncertain = uncertain || !certain;
-    take_value<u>(value, y);
-  }
-
-  template <Index u>
-  constexpr void take(const double* y, bool& lost) {
-    set = 0;
-    for (Index i = 0; i < u; ++i) set |= y[i] > 0 ? 1u << i : 0u;
-    if (!usable<u>()) lost = true;
-  }
-
-  template <Index u>
-  constexpr void respond(const double* v, double* to) const {
-    for (Index i = 0; i < u; ++i) to[i] = active(i) ? sets.columns[i] * row_times<u>(v, i) : 0;
-  }
-
-  constexpr double limit() const { return longest[set]; }
-};
 
 struct Given {
   Matrices<double> matrices;
@@ -398,10 +295,11 @@ class DeviceSceneMarch final : public SceneMarch {
   Given given_{};
   Memory<double> x0_, y0_, x_, y_, residual_;
   Memory<unsigned char> lost_, known_;
-  std::optional<DeviceArray> rows_of_x_;  // made where they are asked for
+  std::optional<DeviceArray> rows_of_x_;  // made by the first call of x()
   DeviceArray rows_of_y_;
   SideStream side_;
-  bool has_rows_of_x_ = false, checks_ = false;  // of the last start; they may still run
+  bool has_rows_of_x_ = false;  // of the last start
+  bool checks_ = false;         // those of the last start may still run
   TableBlock tables_;
   const double *x_up_ = nullptr, *x_down_ = nullptr, *y_up_ = nullptr, *y_down_ = nullptr;
 };

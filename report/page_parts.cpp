@@ -79,7 +79,7 @@ std::string facts_part(const Report& report) {
   table.row("size", sizes(report));
   table.row("class of M", text_at(s, "class"));
   table.row("spectrum of A", text_at(s, "spectrum"));
-  table.row("asked for", asked(s));
+  table.row("requested", asked(s));
   table.row("method", how(s));
   table.rows("what was decided", words_at(s, "decisions"));
   table.row("kernel", text_at(s, "kernel"));

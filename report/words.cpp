@@ -107,7 +107,7 @@ std::vector<Certificate> certificates(const Json& summary) {
   const bool ended = !status.empty() && status != "running" && status != "failed";
   if (!of_goal && !number_at(summary, "error_estimate") && ended)
     list.push_back(
-        {"estimated error", "not estimated", "one grid says nothing of the error of its steps; --tol EPS does"});
+        {"estimated error", "not estimated", "one grid does not show the error of its steps; --tol EPS estimates it"});
   add("algebraic_error", "iteration error", "what further sweeps or cycles would still change, estimated");
   add("magnification", "growth of perturbations",
       "a perturbation grows at most by this factor along the solution, also one by rounding");

@@ -119,9 +119,9 @@ def goals(data):
             nearest = min(copies, key=lambda footprint: abs(footprint - row["counters"]["footprint"]))
             of_copy = row["counters"]["bytes_per_second"] / copies[nearest]["counters"]["bytes_per_second"]
             lines.append(
-                f"- Tridiagonal, n = 511, warm: {counter(row, 'problems')}problems/s, {counter(row, 'bytes_per_second', 'B/s')}, that is "
-                f"{100 * of_copy:.0f} % of STREAM copy and {row['percent']['memory']:.0f} % of the fastest stream (three arrays read, one "
-                f"written, as the batch does) over arrays as large ({size_of(row['counters']['footprint'])})."
+                f"- Tridiagonal, n = 511, warm: {counter(row, 'problems')}problems/s, {counter(row, 'bytes_per_second', 'B/s')}. This is "
+                f"{100 * of_copy:.0f} % of STREAM copy and {row['percent']['memory']:.0f} % of the fastest stream over arrays as large "
+                f"({size_of(row['counters']['footprint'])}); as the batch does, it reads three arrays and writes one."
             )
         if row["operation"] == "lcp_dense" and found["n"] == 4:
             lines.append(f"- Dense, n = 4, warm: {counter(row, 'problems')}problems/s.")

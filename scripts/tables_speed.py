@@ -54,7 +54,7 @@ def speed_vs_error(data):
     return lines + [
         "",
         "Each cell is the fastest run of the ladder, on one thread or on all, whose largest error of y over t >= T/16 is at most "
-        f"the error of its line. Errors against: {sources}. {repeats(data)} (minimum to maximum).",
+        f"the error of its line. References: {sources}. {repeats(data)} (minimum to maximum).",
     ]
 
 

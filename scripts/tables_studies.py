@@ -218,9 +218,9 @@ def fields_peers(data):
         )
     for found in data["factors"]:
         node, eigen, cholmod = found["node"], found["eigen"], found["cholmod"]
-        lines += ["", f"- m = {found['states']}, n = {found['constraints']}, one thread: values at a complex node by our elimination "
-                  f"{seconds(node['elimination'])}, by UMFPACK {seconds(node['umfpack'])}; a real factorization by Eigen "
-                  f"{seconds(eigen['factorization'])}, by CHOLMOD {seconds(cholmod['factorization'])}; one solve {seconds(eigen['solve'])} and "
+        lines += ["", f"- m = {found['states']}, n = {found['constraints']}, one thread. Values at a complex node take our elimination "
+                  f"{seconds(node['elimination'])}, UMFPACK {seconds(node['umfpack'])}. A real factorization takes Eigen "
+                  f"{seconds(eigen['factorization'])}, CHOLMOD {seconds(cholmod['factorization'])}. One solve takes {seconds(eigen['solve'])} and "
                   f"{seconds(cholmod['solve'])}."]
     stopped = any(row["status"].startswith("stopped") for row in data["rows"])
     about = "\"About\": PETSc was stopped, and its time is that of all steps at the pace of those done. " if stopped else ""

@@ -20,14 +20,13 @@ def tol(data):
             f"{number(row['estimate']['x'])} | {number(row['error']['x'])} | {ratio[1]} | {row['status']} |"
         )
     share = data["details"]["share"]
-    found = "; ".join(
-        f"of {of}: {share[of]['good']} of {share[of]['results']} results"
-        + (f", all those of {share[of]['good_scenes']} of {share[of]['scenes']} scenes" if "scenes" in share[of] else "")
-        + f", the smallest {share[of]['smallest']:.2f}, "
-        f"the largest {share[of]['largest']:.3g}"
+    found = "".join(
+        f" Of {of} in {share[of]['good']} of {share[of]['results']} results"
+        + (f", in all results of {share[of]['good_scenes']} of {share[of]['scenes']} scenes" if "scenes" in share[of] else "")
+        + f". The smallest is {share[of]['smallest']:.2f}, the largest {share[of]['largest']:.3g}."
         for of in ("y", "x")
     )
-    return lines + ["", f"Estimate over true error between 0.5 and 3: {found}. {machine(data)}."]
+    return lines + ["", f"Estimate over true error between 0.5 and 3:{found} {machine(data)}."]
 
 
 def stability(data):
@@ -73,7 +72,7 @@ def random(data):
     return lines + [
         "",
         f"{data['count']} random scenes of all classes and spectra (up to 6 states and constraints, coarse grids, units from 1e-6 to "
-        "1e6), each step of every result called solved, and every `infeasible`, judged by an independent dense oracle (`bromwich_random_scenes`).",
+        "1e6). An independent dense oracle judged each step of every result called solved, and every `infeasible` (`bromwich_random_scenes`).",
     ]
 
 

@@ -61,14 +61,15 @@ class Convergence {
   /// On the first grid, which later ones of the same method follow.
   Convergence(const Scene&, const Result& first, ComponentSizes = {});
 
-  /// The next grid, with half the step of `coarse`. `resolved`: enough steps to take what does not converge for a jump.
+  /// The next grid, with half the step of `coarse`. `resolved`: with so many steps, differences that do not converge
+  /// mean a jump.
   void add(const Result& coarse, const Result& fine, bool resolved);
 
-  /// Whether the error of the last grid needs a look at a grid of 3/4 of its steps; and that look.
+  /// Whether the error of the last grid has to be compared with a grid of 3/4 of its steps; and the comparison.
   bool wants_check() const { return may_jump_ && !check_; }
   void check(const Result& other, const Result& fine);
 
-  /// Of a difference of the last two grids, what the error of the finer one is, with a margin.
+  /// The error of the finer of the last two grids from their difference, with a margin.
   double share_of_difference() const;
   bool of_integral() const { return jumps_; }  ///< the mean of y is controlled, not y
   const GridDifferences& controlled() const { return jumps_ ? mean_ : y_; }

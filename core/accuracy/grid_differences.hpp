@@ -11,10 +11,10 @@
 // Errors of piecewise smooth solutions are h^q times a number that depends on where switches fall between grid points.
 // Differences lie within a factor s = sqrt(2) or so of their trend. Where they are farther from it, a slope below 1 is
 // chance, since switches at any place do not lower the order further. The slope does not depend on d_{k-1}, and the
-// mean of three, m, smoothes the rest. An order that makes e at most s times what q makes it cannot be told from q and
-// counts as q. A d_k that falls faster than with the full order is small by chance and counts as d_{k-1} 2^-q at least.
-// Where another grid has been compared with, chance shows there, and d_k is mistrusted half as much: D = (d_k max(d_k,
-// m))^{1/2}.
+// mean of three, m, smoothes the rest. An order with which e is at most s times its value for q cannot be distinguished
+// from q and counts as q. A d_k that falls faster than with the full order is small by chance and counts as d_{k-1}
+// 2^-q at least. A comparison with another grid would show such a chance, and d_k is mistrusted half as much then: D =
+// (d_k max(d_k, m))^{1/2}.
 
 #include <vector>
 
@@ -32,7 +32,7 @@ class GridDifferences {
   double order() const;  ///< p; NaN before two differences
   /// The slope itself, whatever q; NaN where the differences do not show one (fewer than three, zero, rounding).
   double observed_order() const;
-  /// e; NaN before two differences. `checked`: error_from_check stands beside it.
+  /// e; NaN before two differences. `checked`: error_from_check is known too.
   double error(bool checked = false) const;
   /// Error of a grid with J steps from its difference `d` to one with 3J/4, whose points the jumps of y do not share.
   /// Errors of the two that have nothing to do with each other make d as large as the larger one, (4/3)^p e.

@@ -33,8 +33,8 @@ struct HiddenError {
 };
 HiddenError hidden_error(const Scene&, const Result& coarse, const Result& fine, double share, const ComponentSizes&);
 
-/// What linear functions between the times t miss of a source that jumps between them: max_i ∫ |g_i - line| / ∫ |g_i|,
-/// the first over the steps that hold breakpoints, in the form of SampledSource::values.
+/// The error of linear interpolation between the times t for a source that jumps between them: max_i ∫ |g_i - line| / ∫
+/// |g_i|, the first over the steps that hold breakpoints, in the form of SampledSource::values.
 double missed_between_points(const TimeFunction&, Index width, const std::vector<double>& breakpoints, const Vector& t);
 
 }  // namespace bromwich

@@ -31,8 +31,9 @@ struct Magnification {
 /// state.
 Magnification magnification(const DiscreteProblem&, Rule, const RowMatrix& y, const RowMatrix& recorded = {});
 
-/// What errors of each component of the state add up to along a solution, the same in each step: the largest size
-/// relative to the state's up to there. Preconditions: as for a magnification that was computed, with its scale.
+/// The accumulated error of the state along a solution if each step has the same error in each component: the largest
+/// size relative to that of the state up to there. Preconditions: as for a magnification that was computed, with its
+/// scale.
 double accumulated(const DiscreteProblem&, Rule, const RowMatrix& y, const RowMatrix& x, const Vector& defect,
                    const Vector& scale);
 

@@ -12,9 +12,9 @@ struct OtherSolution {
   bool searched = false;         ///< false: the problems are too large for that
 };
 
-/// Looks at t = 0 (where M is neither P nor PSD) and at up to 24 steps: the first, those at which the active set
-/// changes, and some between them. Each is a problem of implicit Euler that starts from the state of the result. Dense
-/// dynamics; x all states.
+/// Checks t = 0 (where M is neither P nor PSD) and up to 24 steps: the first, those at which the active set changes,
+/// and some between them. Each is a problem of implicit Euler that starts from the state of the result. Dense dynamics;
+/// x all states.
 OtherSolution other_solution(const DiscreteProblem&, const Result&, const RowMatrix& x);
 
 }  // namespace bromwich

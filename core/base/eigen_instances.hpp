@@ -13,7 +13,7 @@
 
 namespace Eigen {
 
-// The members that are used and take long, not whole classes: a third of these would be instantiated for nobody.
+// Members that are used and take long to compile. Whole classes would have a third more, which nothing uses.
 BROMWICH_EIGEN_INSTANCE void PartialPivLU<MatrixXd>::compute();
 BROMWICH_EIGEN_INSTANCE void PartialPivLU<MatrixXcd>::compute();
 BROMWICH_EIGEN_INSTANCE void FullPivLU<MatrixXd>::computeInPlace();

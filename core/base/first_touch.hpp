@@ -1,7 +1,7 @@
 #pragma once
-// The first touch of fresh pages costs more than a copy into them. Pages of 2 MB are asked for, of which there are 512
-// times fewer; a system without them ignores it. The touch needs no device, so that threads of their own do it while
-// one works.
+// The first touch of fresh pages costs more than a copy into them. Pages of 2 MB are requested, of which there are 512
+// times fewer; a system without them ignores the request. The touch needs no device, so that threads of their own do it
+// while one works.
 
 #include <sys/mman.h>
 
@@ -18,7 +18,7 @@ namespace bromwich {
 
 inline constexpr std::uintptr_t large_page = std::uintptr_t(1) << 21;  ///< bytes
 
-/// For values that nobody has written yet.
+/// For values that have not been written yet.
 inline void ask_for_large_pages(double* values, std::size_t count) {
   const auto begin = (std::uintptr_t(values) + large_page - 1) / large_page * large_page;
   const auto end = std::uintptr_t(values + count) / large_page * large_page;
@@ -34,7 +34,7 @@ class FirstTouch {
     ask_for_large_pages(values, count);
     try {
       first_ = std::thread([=] { touch_with_others(values, count, wanted - 1); });
-    } catch (const std::system_error&) {  // no more threads: who copies touches the rest
+    } catch (const std::system_error&) {  // no more threads; copying touches the rest
     }
   }
   ~FirstTouch() {

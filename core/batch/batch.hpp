@@ -72,13 +72,14 @@ struct BatchResult {
   Index solved() const;
 };
 
-/// A backend on the machine of another one, with one thread of the host, that nobody else uses until it is let go.
+/// Returns a backend on the same machine as another one, with one thread of the host, for one user until it is
+/// released.
 using MakeBackend = std::function<std::shared_ptr<Backend>()>;
 
-/// Solves every scene with the same options. Bad values of one scene (NaN in its x0, a class of M that it has not) end
-/// that scene alone, with status unsupported and the text of the Error as its reason. Throws Error for members of wrong
-/// shape, bad options, and where the results exceed options.memory_limit: use solve_in_blocks. `progress` gets the
-/// number of scenes done as `iteration` and K as `total`. With `another`, scenes that are not stepped in lanes are
+/// Solves every scene with the same options. Bad values of one scene (NaN in its x0, a class that its M does not have)
+/// end only that scene, with status unsupported and the text of the Error as its reason. Throws Error for members of
+/// wrong shape, bad options, and where the results exceed options.memory_limit: use solve_in_blocks. `progress` gets
+/// the number of scenes done as `iteration` and K as `total`. With `another`, scenes that are not stepped in lanes are
 /// solved by as many threads as the backend has, each with a backend that `another` has made. Sources and supplied
 /// dynamics are then called from these threads, several at once. `progress` and `interrupted` are always called by the
 /// thread that called solve_batch.

@@ -24,8 +24,8 @@ struct PerScene {
 class BatchDerivative {
  public:
   /// The rows of the result must be the time points of a grid, not Batch::times. `located`: with located switches
-  /// (SwitchedDerivative); without it where y of the scene is continuous as the steps have it. Throws Error where the
-  /// result is not that of this batch. Sources are called by the calling thread alone.
+  /// (SwitchedDerivative); otherwise the derivative of the discrete solution where its y is continuous. Throws Error
+  /// where the result is not that of this batch. Sources are called by the calling thread alone.
   BatchDerivative(const Batch&, const BatchResult&, std::optional<bool> located = {});
 
   Index scenes() const { return Index(reason_.size()); }

@@ -75,7 +75,7 @@ class BatchRun {
   SingleSolves alone_;
   const MakeBackend another_;
   std::optional<SideBySide> side_by_side_;  ///< made when it is needed first
-  std::optional<FirstTouch> touch_;         ///< of y beside a device; ended before anybody writes y
+  std::optional<FirstTouch> touch_;         ///< of y while a device works; ends before y is written
 };
 
 }  // namespace bromwich

@@ -1,6 +1,6 @@
 #pragma once
-// What scenes of a group of lanes share: the maps of a step, the problems of its active sets, sampled sources. See
-// core/batch/scene_steps.hpp for the steps and core/batch/lane_march.hpp for their use.
+// The data that the scenes of a group of lanes share: the maps of a step, the problems of its active sets, sampled
+// sources. See core/batch/scene_steps.hpp for the steps and core/batch/lane_march.hpp for their use.
 
 #include "../host/stage_problem.hpp"
 #include "../scene/natural_units.hpp"
@@ -64,8 +64,8 @@ struct LaneStart {
 /// Made from one scene of the group.
 class LanePlan {
  public:
-  /// Empty, with the reason in `why`, where lanes do not do what a single solve does. With `own_sources`, f and g of
-  /// the scene are not read. `units`: the natural ones of a scene nearby; null: those of this one.
+  /// Empty, with the reason in `why`, where lanes cannot take the steps of a single solve. With `own_sources`, f and g
+  /// of the scene are not read. `units`: the natural ones of a scene nearby; null: those of this one.
   static std::unique_ptr<LanePlan> make(const Scene&, Backend&, Index J, bool own_sources, const NaturalUnits* units,
                                         std::string& why);
 
@@ -87,7 +87,7 @@ class LanePlan {
   bool stages = false;  ///< Radau IIA
   LcpClass lcp_class = LcpClass::unknown;
   bool least_elements = false, surely_P = false, certain = true;
-  double most_growth = 50;  ///< of perturbations, half of what a single solve does not doubt
+  double most_growth = 50;  ///< of perturbations, half of what a single solve accepts
   Vector t;
   Matrix A, B, N, M;
   StepMaps whole;

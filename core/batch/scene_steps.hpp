@@ -231,7 +231,7 @@ struct Steps {
 
   /// Whether a step of implicit Euler has two solutions, or nearly so, at the rows where
   /// core/accuracy/other_solution.cpp looks. V: n x n, of all active sets one after the other; `seen`: n x m, N (I -
-  /// hA)^{-1}. Lanes in `known` are not looked at.
+  /// hA)^{-1}. Lanes in `known` are not checked.
   constexpr void check_others(const C* seen, const C* V, const Source<Number>& source, const Source<Number>& f,
                               Mask known, Mask& lost) const {
     constexpr Index most_rows = 24;

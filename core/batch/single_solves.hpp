@@ -19,7 +19,7 @@ class SingleSolves {
   /// Writes status and rows of scene k; bad values of the scene end it as unsupported. `shares`: its dynamics and M are
   /// those of the scenes before it since `forget`. Throws Error for options and machines.
   void take(Index k, bool shares);
-  /// Drops what scenes of one group share.
+  /// Discards the data that the scenes of one group share.
   void forget() { solvers_.clear(); }
   Index prepared() const { return prepared_; }  ///< solves by a Solver that other scenes have used
 

@@ -17,7 +17,7 @@ class DualResponse {
   virtual ~DualResponse() = default;
   /// r <- g + N x of the state without y; row 0 is N x0 + g(0).
   virtual void respond(const Changes&, Array& r) = 0;
-  /// Begins what `apply` needs, beside the calling thread where the backend has several; `apply` waits for it.
+  /// Begins the preparation of `apply`, in another thread if the backend has several; `apply` waits for it.
   virtual void prepare() {}
   /// v <- K y.
   virtual void apply(const Array& y, Array& v) = 0;
@@ -30,7 +30,7 @@ std::unique_ptr<DualResponse> make_dual_response(TimeOperator&, Index stages);
 /// With at most this many states, all of them are recorded.
 inline constexpr Index most_recorded_by_dual = 64;
 
-/// F with f = F phi for the values that a scene's source has, m x k.
+/// F, m x k, with f = F phi for the values phi of the scene's source.
 SparseMatrix entry_of_sources(const Scene&);
 /// A source at both stages of Radau IIA: row j holds the values at t_{j-1} + h/3 and at t_j, those of `at_ends`.
 RowMatrix stage_values(const DiscreteProblem&, const TimeFunction&, const SampledSource& at_ends);

@@ -41,7 +41,7 @@ namespace bromwich {
 struct DualWeights {
   LcpMatrix P;       ///< (1 + alpha) V_0 for dense dynamics; 0, tridiagonal, for others
   double shift = 0;  ///< d
-  /// Of the sweeps of a cycle in order, the last one for that behind the correction; empty: d for all.
+  /// Divisors of the sweeps of a cycle in order, the last one for the sweep after the correction; empty: d for all.
   std::vector<double> shifts = {};
   std::vector<StageDivisors> stage_divisors = {};             ///< instead of them with two stages
   SharedWeights weights;                                      ///< of V - P delta; null with two stages
@@ -58,7 +58,7 @@ struct DualWeights {
   ModeSymbols symbols = {};  ///< of some modes, from which d is chosen; sparse and supplied dynamics
 };
 
-/// What V is, or why there is none.
+/// A description of V, or the reason why there is none.
 struct DualChoice {
   std::optional<DualWeights> weights;
   std::string refusal;

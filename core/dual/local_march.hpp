@@ -17,7 +17,7 @@ namespace bromwich {
 
 /// Whether V is local here and steps in w apply: many states as matrices, without a mass matrix, and smooth sources.
 bool has_local_inverse(const DiscreteProblem&);
-/// The same without a look at the sources.
+/// The same without a test of the sources.
 bool has_local_inverse(const Scene&);
 
 /// Marches in w; the states are known afterwards. Precondition: has_local_inverse. The problem must outlive it.

@@ -4,7 +4,7 @@
 //     (1 - V/d)^after (1 - I V_c^{-1} R V) Π_i (1 - V/d_i),   d_i = d (1 + r cos((2i - 1) pi/(2 before)))
 //
 // d_i are the Chebyshev nodes of [d (1 - r), d (1 + r)], r the relative half-width of the spectrum of V_0, the largest
-// first: it damps what the later ones amplify. The sweeps behind the correction have d itself.
+// first: it damps what the later ones amplify. The sweeps after the correction have d itself.
 //
 // with R the values that the coarse grid shares with the fine one, I linear interpolation, V_c of implicit Euler. With
 // the step h on the fine grid and 2h on the coarse one it couples the frequencies omega and omega + pi. With the two

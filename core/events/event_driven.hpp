@@ -49,7 +49,7 @@ struct EventSolution {
   double until = 0;    ///< the solution is known up to here
   Index events = 0, jumps = 0, accumulations = 0, breakpoints = 0;
   double defect = 0;       ///< largest last coefficients of all steps, as the tolerance counts them
-  Vector doubt;            ///< n: how far y may be off, since values below rounding and `tolerance` counted as zero
+  Vector doubt;            ///< n: error of y, since values below rounding and `tolerance` counted as zero
   bool continuous = true;  ///< y has no jump or impulse after t = 0
   Vector jump_at_start;    ///< n: the impulse at t = 0; empty if there is none
   std::vector<EventPiece> pieces;
@@ -64,8 +64,8 @@ struct EventSolution {
 
 inline constexpr const char* out_of_work = "too many steps";  ///< how EventSolution::reason begins in that case
 
-/// Whether the scene is of the kind: dense dynamics without E, x(0) = x0, few unknowns, no free rows. Otherwise why
-/// not.
+/// Whether the scene can be integrated in this way: dense dynamics without E, x(0) = x0, few unknowns, no free rows.
+/// Otherwise why not.
 std::string unsuited_to_events(const Scene&);
 
 /// `lcp_class`: of M, never automatic. `breakpoints`: all jumps and kinks of f and g, increasing.

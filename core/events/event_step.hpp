@@ -18,7 +18,7 @@ struct EventStep {
   Matrix x, y, w;
   EventSources::Polynomials sources;
   Matrix df, dg, ddg;
-  Vector doubt;  ///< n: how far y may be off, since values of y and w below zero were counted as zero
+  Vector doubt;  ///< n: error of y, since values of y and w below zero were counted as zero
 };
 
 /// Largest absolute values of each component so far.

@@ -1,6 +1,6 @@
 #pragma once
 // The steps of a march in stages, one after the other. Implicit Euler takes those in which the state jumps. This class
-// keeps what the next step needs to know of the last ones.
+// keeps the data of the last steps that the next one needs.
 
 #include "stage_stepper.hpp"
 

@@ -41,8 +41,8 @@ struct DiscreteProblem {
   Vector start;     ///< n: N x0 + g(0), the q of y_0
   std::vector<Index> components = {};  ///< of the state, to be recorded by methods that step it
   std::shared_ptr<KeptStep> exponential_step = std::make_shared<KeptStep>();  ///< of this h, see state_step
-  std::shared_ptr<SharedDynamics> shared = {};      ///< what other grids have made; never null
-  std::shared_ptr<const SourceSteps> sources = {};  ///< null where no step is rough
+  std::shared_ptr<SharedDynamics> shared = {};                                ///< data of other grids; never null
+  std::shared_ptr<const SourceSteps> sources = {};                            ///< null where no step is rough
   std::shared_ptr<const StepDefects> defects = {};  ///< of f on rough steps; dense dynamics and exponential rule only
   /// Kronecker sums, (J+1) x n: response N x to the part of f inside rough steps; null if there is none.
   std::shared_ptr<const RowMatrix> rough_response = {};

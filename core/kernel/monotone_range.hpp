@@ -8,10 +8,11 @@
 // D       diagonal, D_ii = M_ii^1/2, 1 where M_ii = 0
 //
 // Solutions y, y' of LCP(q, M) and LCP(q', M) fulfil (y - y')^T M (y - y') <= -(y - y')^T (q - q'): S y is unique. Let
-// B U0 = 0. Then W_d U0 = 0 for all weights W_d = N (...) B, B y is unique, and that y of least norm is taken changes
-// nothing in the state.
+// B U0 = 0. Then W_d U0 = 0 for all weights W_d = N (...) B, B y is unique, and the choice of the y of least norm has
+// no effect on the state.
 //
-// 1. U0^T N = 0: the dynamics do not see what M leaves open. For q - q' in the range of S, where all W_d y are,
+// 1. U0^T N = 0: the part of y that M leaves undetermined does not affect the dynamics. For q - q' in the range of S,
+//    where all W_d y are,
 //
 //        |S^1/2 (y - y')| <= |S^+/2 (q - q')|,   q = r + Σ_d W_d y_{j-d}:
 //

@@ -15,7 +15,7 @@
 
 namespace bromwich::pole_fitting {
 
-/// Nodes beside those of the fit: with some the number of poles is chosen, with others the error of the result found.
+/// Further nodes than those of the fit: some choose the number of poles, others measure the error of the result.
 inline constexpr Index watched = 3, held_out = 6;
 
 using Nodes = std::vector<Complex>;

@@ -12,10 +12,11 @@
 // e^{min(0, Re hz)}. Faster parts of the state than 8/h are not resolved by a step: they are in the constant D.
 //
 // Poles. Real, from a logarithmic grid, picked by a column-pivoted QR of their Cauchy matrix at the nodes. As they are
-// negative, every model is stable. Spectra far from the real axis have none of this; the fit then misses its tolerance.
+// negative, every model is stable. With a spectrum far from the real axis the fit misses its tolerance.
 //
-// Residues. The unconstrained fit gives K(t); directions of y whose K(t) has fallen below the tolerance at t = 1/|s_k|
-// do without the pole s_k and slower ones: the residues of slow poles have low rank. They are then fitted again.
+// Residues. The unconstrained fit gives K(t); the pole s_k and slower ones are omitted for directions of y whose K(t)
+// has fallen below the tolerance at t = 1/|s_k|, so that the residues of slow poles have low rank. They are then fitted
+// again.
 
 #include "../host/pole_model.hpp"
 #include "discrete_problem.hpp"

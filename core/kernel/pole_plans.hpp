@@ -25,8 +25,8 @@ RowMatrix seen_components(const HostThreads&, const PoleRecurrence&, const RowMa
 /// K^T u of the constraints, rows as u (core/kernel/transposed_kernel.hpp). The adjoint state runs backwards in time,
 ///     a_j = e^{hs} a_{j+1} + U^T u_j,   (K^T u)_j = D^T u_j + P (h phi2(hs) a_j + h (phi1 - phi2)(hs) a_{j+1}).
 RowMatrix transposed_convolution(const HostThreads&, const PoleRecurrence&, const RowMatrix& u);
-/// What phi and x0 contribute to constraints and components, (J+1) x (n + c); row 0 is zero. phi: J+1 rows or empty. If
-/// the sources enter through y (model without sources), phi is n wide.
+/// The contributions of phi and x0 to constraints and components, (J+1) x (n + c); row 0 is zero. phi: J+1 rows or
+/// empty. If the sources enter through y (model without sources), phi is n wide.
 RowMatrix free_response(const HostThreads&, const PoleRecurrence&, const RowMatrix& phi, Index rows);
 
 std::unique_ptr<Convolution> make_pole_convolution(Backend&, const PoleRecurrence&, Index rows);

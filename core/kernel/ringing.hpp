@@ -11,8 +11,8 @@
 // must have principal minors of the same signs as M + W_0. Then no root has crossed -1, and errors of y decay without
 // alternating: M > h/2 for K = 1, M > h^2/4 for K = t; the step resolves what M damps.
 //
-// If the dynamics do not see the null space of a semidefinite M (monotone_range.hpp), M + W_0 and M_delta have to be
-// definite on the range of M + M^T only. Where N sees it, each B y has an active set with a regular M_SS, and those
+// If the null space of a semidefinite M has no effect on the dynamics (monotone_range.hpp), M + W_0 and M_delta have to
+// be definite on the range of M + M^T only. Where N sees it, each B y has an active set with a regular M_SS, and those
 // minors are compared.
 
 #include "../numerics/alternation.hpp"
@@ -26,7 +26,7 @@ struct BasisChoice {
   bool continuous = true;
   bool rings = false;  ///< even with delta = 1/10: errors of y would alternate for many steps, or grow
   std::string reason;  ///< why not, if not continuous
-  std::string refusal = "piecewise-linear y would ring";  ///< what a continuous y would do
+  std::string refusal = "piecewise-linear y would ring";  ///< the behaviour of a continuous y
   bool only_in_sweeps = false;  ///< M, not M + W_0, selects the solution: marching has to take stages
 };
 

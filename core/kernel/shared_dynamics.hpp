@@ -1,6 +1,7 @@
 #pragma once
 // What all time grids of one scene share: nothing here depends on x0, f, g or the number of steps. Solves on finer and
-// finer grids, those that confirm a result with half the step, and a Solver find here what an earlier grid has made.
+// finer grids, those that confirm a result with half the step, and a Solver reuse the data that an earlier grid has
+// made.
 //
 // made from                  kept for
 // phi-functions of h A       the same h, and 2h by one doubling (core/numerics/matrix_phi.hpp)
@@ -24,7 +25,7 @@
 
 namespace bromwich {
 
-/// What has been made, not what has been found.
+/// Counts of computed data; data found here do not count.
 struct PreparationCounts {
   Index exponentials = 0;     ///< e^{hA} with its phi-functions from the beginning
   Index doublings = 0;        ///< the same from half the step
@@ -88,7 +89,7 @@ class SharedDynamics {
   std::map<double, std::shared_ptr<const StepOperators>> euler_;  ///< by h
   std::optional<Spectrum> spectrum_;
   std::vector<std::shared_ptr<KernelFit>> fits_;
-  double first_step_ = 0;          ///< of the windows; 0: no grid has asked yet
+  double first_step_ = 0;          ///< of the windows; 0: no grid has requested them yet
   SparseMatrix inputs_, outputs_;  ///< B' and N' of rows_
   std::map<std::pair<double, double>, ComplexVector> rows_;
   PreparationCounts counts_;
@@ -102,7 +103,7 @@ class GridFamily {
   std::shared_ptr<SharedDynamics> of(const Dynamics&);
   /// As Scene::lcp_class; `automatic` is replaced by the result of `classify`.
   LcpClass lcp_class(const Scene&);
-  /// Sums of all dynamics there were.
+  /// Sums over all dynamics so far.
   PreparationCounts counts() const;
 
  private:

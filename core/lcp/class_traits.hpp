@@ -1,8 +1,8 @@
 #pragma once
 // The classes of complementarity matrices, and what a method needs to know of one.
 //
-// Methods, backends and stages ask these questions and never for the name of a class: a new class is one line of
-// `lcp_class_table`, and its test in core/lcp/lcp_class.cpp.
+// Methods, backends and stages use these properties and never the name of a class. So a new class is one line of
+// `lcp_class_table` and its test in core/lcp/lcp_class.cpp.
 
 #include <array>
 #include <cstddef>

@@ -8,7 +8,8 @@
 //
 // (Cottle, Pang, Stone, The Linear Complementarity Problem, section 5.2; Ahn, J. Optim. Theory Appl. 33, 1981.) Both
 // are P. For M with neighbours on a grid, omega = 2 / (1 + sqrt(1 - rho^2)) takes a number of sweeps that grows like
-// the root of the condition. What sweeps leave is solved by active sets with sparse factorizations of M_SS.
+// the root of the condition. Problems that the sweeps leave unsolved are solved by active sets with sparse
+// factorizations of M_SS.
 
 #include "active_set.hpp"
 

@@ -29,7 +29,7 @@ struct StageGrid {
 /// parts are at the end of the step.
 using Contacts = std::map<Index, double>;
 
-/// Whether g and y at points of the grid are their limits from before, and y jumps where g does: M determines y.
+/// Whether M determines y. g and y at points of the grid are then their limits from the left, and y jumps where g does.
 bool takes_limits_at_points(const DiscreteProblem&);
 
 /// With two stages. `with_layers`: parts resolve boundary layers, for grids whose error is controlled.

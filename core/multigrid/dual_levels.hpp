@@ -4,10 +4,10 @@
 // s. Two things differ. The smoother is a projected step or LCP(P, .), where the primal form solves LCP(M + D I, .).
 // Coarse grids exist down to BackendTraits::fewest_steps, since V_0 alone decides. The coarsest grid is marched.
 //
-// Stages of Radau IIA do not nest: a stage of a step of 2h is none of a step of h. The coarse grid of one with stages
-// is that of implicit Euler with the same step, which the ends of the steps share (defect correction); its cycles go on
-// with implicit Euler on longer steps. J, J/2 and J/4 steps with stages give the nested start and the estimates of
-// errors.
+// Stages of Radau IIA do not nest: the stages of a step of 2h are not stages of steps of h. A grid with stages has as
+// its coarse grid that of implicit Euler with the same step; they share the ends of the steps (defect correction).
+// Coarser grids use implicit Euler on longer steps. J, J/2 and J/4 steps with stages give the nested start and the
+// estimates of errors.
 
 #include "../dual/dual_operator.hpp"
 #include "time_levels.hpp"
@@ -35,8 +35,8 @@ struct DualLevels {
   std::vector<Grid> grids;
 };
 
-/// Cycles in w for the problem of the operator, which must outlive them, with one stage or two. Null pointers never;
-/// see `refusal`.
+/// Cycles in w for the problem of the operator, which must outlive them, with one stage or two. The pointer is never
+/// null; see `refusal`.
 std::unique_ptr<DualLevels> dual_levels(TimeOperator&, Index stages, const Options&);
 
 inline constexpr Index most_marched_dual = 128;  ///< steps of a coarsest grid

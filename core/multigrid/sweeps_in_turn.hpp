@@ -1,6 +1,6 @@
 #pragma once
 // The sweeps of a cycle, each with a divisor of its own (core/dual/sweep_choice.hpp): those before the coarse problem
-// in order, and the last one behind the correction.
+// in order, and the last one after the correction.
 
 #include "../seam/plans.hpp"
 

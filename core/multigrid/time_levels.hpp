@@ -31,7 +31,7 @@ struct TimeLevel {
   std::shared_ptr<SpaceTimeKernel> kernel;
   std::unique_ptr<Array> r, y, v, old, nested;
   std::unique_ptr<Array> first_v;  ///< K R y of the coarse problem posed here, if the finer grid is lazy; else null
-  std::unique_ptr<Array> ends;     ///< like `nested`, where that has the ends of steps alone; null: `old` serves
+  std::unique_ptr<Array> ends;     ///< like `nested`, if that has only the ends of steps; null: `old` is used
   std::unique_ptr<LcpBatch> lcp;   ///< with M + D I; null on a coarsest grid that is always marched
   SweepsInTurn* turns = nullptr;   ///< `lcp`, if its sweeps differ
   double shift = 0;
@@ -43,8 +43,8 @@ struct TimeLevel {
   bool lazy = false;        ///< v of its grid is interpolated after the coarse problem, see Multigrid
   bool staged = false;      ///< two stages in each step, the coarse grid has the same steps
   bool starts = true;       ///< takes part in the nested start
-  /// Cycles at the start where errors are estimated: what a grid below the finest leaves of its algebraic error counts
-  /// as discretisation error.
+  /// Cycles at the start where errors are estimated: the algebraic error that a grid below the finest leaves counts as
+  /// discretisation error.
   int cycles_at_start = 1;
   double unseen = 0;  ///< smoothing factor for error components invisible to the grid `coarse`
   /// P - P_c, P_c of its coarse grid, where P in place of M differs from grid to grid (core/multigrid/dual_levels.hpp),
@@ -76,10 +76,10 @@ struct TimeLevels {
 
 /// A coarser grid needs BackendTraits::fewest_steps, and kappa_0 (core/iteration/forecast.hpp) below 0.1. kappa_0 below
 /// 1 is enough where the symbol of a sweep (core/multigrid/smoothing.hpp) is known to be at most 1 at frequency 0 and
-/// below 0.8 at the high ones. M + W_0 is P there. A cycle asks the coarsest one for which a sweep multiplies what that
-/// cannot see by `far_smoothed` at most, or the next one. None where that leaves but the finest, and it is too long to
-/// be marched in every cycle. The operator has to outlive them. The coarsest grid is swept where the symbol is known,
-/// and marched otherwise. r holds the response on each grid, y is zero.
+/// below 0.8 at the high ones. M + W_0 is P there. A cycle takes the coarsest grid for which a sweep multiplies the
+/// errors invisible to that grid by `far_smoothed` at most, or else the next grid. There are no levels if only the
+/// finest grid is left and it is too long to be marched in every cycle. The operator has to outlive them. The coarsest
+/// grid is swept where the symbol is known, and marched otherwise. r holds the response on each grid, y is zero.
 TimeLevels time_levels(TimeOperator&, const Options&);
 
 inline constexpr Index enough_steps = 96;     ///< of the coarsest of three grids or more, where it is swept

@@ -32,7 +32,7 @@ class VCycle {
   bool collected();
   /// Whether batches are queued: nothing waits for one.
   bool queues() const { return queued_; }
-  /// From now on if the plans of all grids are asynchronous.
+  /// Queues from now on, if the plans of all grids are asynchronous.
   void queue_where_possible() { queued_ = all_queue(levels_); }
   void wait_for_each_batch() { queued_ = false; }
 

@@ -3,7 +3,8 @@
 //
 // Where y is continuous the result is that of the linear scene whose sources hold phi and gamma of the result, linear
 // between the time points. y is linear between them, too, and e^{sA} carries x from the time point before
-// (core/solve/dense_output.hpp). Where y may jump a step of the length that is left is solved by Josephy-Newton.
+// (core/solve/dense_output.hpp). Where y may jump, a step from the time point before to the requested time is solved by
+// Josephy-Newton.
 
 #include "../result/result.hpp"
 #include "solve_nonlinear.hpp"
@@ -13,11 +14,11 @@
 namespace bromwich {
 
 /// Rows at `times` in place of the time points. Rows after the end of the result are NaN. With of_trace in scenes that
-/// are not dense y and v are lines between the time points. Throws Error for times outside [0, T].
+/// are not dense, y and v are linear between the time points. Throws Error for times outside [0, T].
 NonlinearResult nonlinear_at(const NonlinearScene&, Backend&, const NonlinearResult&, const std::vector<double>& times);
 
-/// As a result of the linear part: what writes, draws and compares results takes it. `trace` holds w - M y - g, which
-/// is N x + gamma. All states are in it, or none with of_trace in scenes that are not dense.
+/// The result in the form of a result of the linear part, so that it can be written, drawn and compared. `trace` holds
+/// w - M y - g, which is N x + gamma. All states are in it, or none with of_trace in scenes that are not dense.
 Result as_result(const NonlinearScene&, const NonlinearResult&);
 
 }  // namespace bromwich

@@ -33,7 +33,7 @@ struct NonlinearScene {
   NonlinearDerivative dphi, dgamma;  ///< empty: by central differences
   bool of_trace = false;             ///< phi and gamma are functions of v = N x, and phi enters through B
 
-  /// Length of what phi and gamma see besides y, and of phi: m, or n with of_trace.
+  /// Length of the argument x or v of phi and gamma, and of phi: m, or n with of_trace.
   Index seen() const { return of_trace ? linear.constraints() : linear.states(); }
 
   /// As Scene::validate; throws Error too for a mass matrix, boundary values and free rows.

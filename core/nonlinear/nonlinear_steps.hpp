@@ -19,7 +19,7 @@
 
 namespace bromwich {
 
-/// What became of Newton's iteration.
+/// The outcome of Newton's iteration.
 struct NewtonOutcome {
   bool solved = false;
   Index iterations = 0;
@@ -38,7 +38,7 @@ class NonlinearSteps {
   /// From x, y at t_{j-1} to those at t_j.
   NewtonOutcome take(Index j, Vector& x, Vector& y);
 
-  /// What x and y at t_{j-1} and t_j lack in the equation of x; rule linear.
+  /// The residual of the equation of x for x and y at t_{j-1} and t_j; rule linear.
   Vector defect(Index j, const Vector& x0, const Vector& y0, const Vector& x1, const Vector& y1) const;
 
   Vector total_source(double t, const Vector& x, const Vector& y) const;  ///< F = B y + phi

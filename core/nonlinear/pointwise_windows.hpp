@@ -5,8 +5,8 @@
 //     0 <= y_j  ⊥  N x_j^k + M y_j + g_j + gamma(t_j, x_j^k, y_j) >= 0   for all j (core/nonlinear/ncp_batch.hpp)
 //     x_j^{k+1} = e^{hA} x_{j-1}^{k+1} + s_j + L F_{j-1} + W F_j,   F_j = B y_j + phi(t_j, x_j^k, y_j),
 //
-// as (2.17) of the Laplace-inversion paper does where gamma = 0. It contracts by what y changes with x, times K: a
-// gamma that is steep in y does not matter, as it does where gamma is frozen.
+// as (2.17) of the Laplace-inversion paper does where gamma = 0. It contracts by the change of y with x, times K. A
+// gamma that is steep in y does not matter here, but it does where gamma is frozen.
 
 #include "../base/threads.hpp"
 #include "nonlinear_options.hpp"

@@ -1,5 +1,5 @@
 #pragma once
-// What solve_nonlinear needs of a method that solves a window of time points at once.
+// The interface of a method that solves a window of time points at once, for solve_nonlinear.
 
 #include "../base/types.hpp"
 

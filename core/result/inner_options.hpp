@@ -22,7 +22,7 @@ struct InnerOptions : Options {
   std::shared_ptr<GridFamily> family = {};
   /// The solve is one of several on finer and finer grids: a result is not confirmed with half the step again.
   bool compares_grids = false;
-  /// Sources are looked at inside every step, not inside some of them.
+  /// Sources are sampled inside every step, not inside some of them.
   bool look_inside_every_step = false;
   /// Method automatic may end with implicit Euler, of first order, where no method of second order takes a step.
   bool fall_back_to_euler = true;

@@ -12,8 +12,8 @@ struct CoarseSources {
   double time = 0;    ///< where
 };
 
-/// Looks into a few steps at irregular places, and into more where one of them is coarse. Steps with a breakpoint, and
-/// those in which the source jumps, do not count: methods find them. Nothing unless one look of eight misses more than
+/// Samples a few steps at irregular places, and more steps where one of them is coarse. Steps with a breakpoint, and
+/// those in which the source jumps, do not count: methods find them. Empty unless one sample of eight misses more than
 /// 0.15 of the size.
 CoarseSources find_coarse_sources(const Scene&, const Vector& t);
 

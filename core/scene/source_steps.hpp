@@ -59,8 +59,8 @@ struct SourceSteps {
   const RoughStep* at(Index step) const;  ///< null if the step is not rough
 };
 
-/// Values that are looked at unless the scene says that it names all breakpoints or has no pulses: pulses as long as T
-/// / 12288 are seen on any grid.
+/// Number of samples, unless the scene says that it names all breakpoints or has no pulses: pulses as long as T / 12288
+/// are seen on any grid.
 inline constexpr Index looks_at_unknown_sources = 12288;
 
 /// `every_step`: tests values inside every step; otherwise inside some steps, and where pulses may be unnamed at

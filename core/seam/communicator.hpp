@@ -15,7 +15,7 @@ struct Traffic {
   std::size_t all() const { return shifted + gathered + compared + broadcast; }
 };
 
-/// What core needs to know of a job of several ranks, and nothing else. Calls wait for the ranks that they need.
+/// The operations that core needs of a job of several ranks. Calls wait for the ranks that they need.
 class Communicator {
  public:
   /// `rank` of `size` ranks, counted from 0.

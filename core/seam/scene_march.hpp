@@ -29,7 +29,7 @@ struct SceneMarchProblem {
   StoredSets steps, growth;                        ///< of a step; of the rule by which perturbations grow
   Vector longest;                                  ///< 2^n: time points that a set may last
   RowMatrix drift, g, at_points, growth_drift, f;  ///< (J+1) rows each
-  RowMatrix seen, euler;  ///< n x m and 2^n n x n, of implicit Euler; empty: no other solutions are looked for
+  RowMatrix seen, euler;  ///< n x m and 2^n n x n, of implicit Euler; empty: other solutions are not searched
   Vector part;            ///< m
   std::vector<int> x_unit, y_unit, w_unit;  ///< powers of ten of the rows that are returned; empty: none
 };
@@ -41,7 +41,7 @@ struct SceneMarchOutcome {
 
 class SceneMarch : public Plan {
  public:
-  /// x0 and y_0 of the scenes, one row each. `known`: scenes whose other solutions are not looked for. Work of a device
+  /// x0 and y_0 of the scenes, one row each. `known`: scenes whose other solutions are not searched. Work of a device
   /// may go on after the return.
   virtual void start(const RowMatrix& x0, const RowMatrix& y0, const std::vector<char>& known) = 0;
   /// Of the last start. Waits for the checks, which run while x and y are fetched.

@@ -1,5 +1,5 @@
 #pragma once
-// Arrays of a backend that divides time, and what moves their rows between ranks and to the host.
+// Arrays of a backend that divides time, and the copies of their rows between ranks and to the host.
 
 #include "../seam/backend.hpp"
 #include "slabs.hpp"
@@ -29,7 +29,7 @@ class HostRows {
  public:
   HostRows(Backend& local, Array& array);
   double* row(Index j) { return values_ + j * cols_; }
-  /// What was changed goes into the array.
+  /// Writes changed values into the array.
   void put();
 
  private:

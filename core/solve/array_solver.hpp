@@ -20,8 +20,8 @@ namespace bromwich {
 class ArraySolver {
  public:
   /// f and g of the scene are not used. Of the options: steps, iteration_tolerance, max_iterations, progress,
-  /// interrupted. Throws Error where the scene is none of initial values with inequalities alone, and where the
-  /// functional iteration has no kernel for it. The backend has to outlive the solver.
+  /// interrupted. Throws Error unless the scene has initial values and inequalities only, and where the functional
+  /// iteration has no kernel for it. The backend has to outlive the solver.
   ArraySolver(Scene scene, Backend& backend, Options options);
   ~ArraySolver();
   ArraySolver(const ArraySolver&) = delete;
@@ -33,7 +33,7 @@ class ArraySolver {
   void set_x0(const Vector& x0);
 
   Array& g() { return *g_; }
-  /// Made when it is first asked for; from then on it is a part of every solve.
+  /// Made by the first call; from then on it is a part of every solve.
   Array& phi();
 
   /// A result without y, trace and states. Its status is `solved`, `infeasible`, `tolerance_not_met`, `nonfinite` or

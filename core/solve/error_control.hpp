@@ -11,18 +11,18 @@
 
 namespace bromwich {
 
-/// What the sweeps after the last one would still change, from the changes of all sweeps.
+/// The change that further sweeps would make, estimated from the changes of all sweeps.
 double iteration_error(const std::vector<double>& history);
 
 /// Where controls_error(options): solves on J, 2J, 4J, ... steps, J = options.steps or as often half of the scene's
 /// default as leaves 16 steps and an integer. Returns the finest grid. It is `solved` where it has at least the steps
 /// of the scene and the estimate, with two observed orders behind it, is below 0.8 of the tolerance. The remaining
 /// fifth is for the error of the estimate. Otherwise it goes on until a budget is spent (max_steps, max_seconds,
-/// memory) or nothing can be gained any more, and ends as tolerance_not_met with what stood in the way. Where y may
-/// jump, a grid of 3/4 of the steps has to agree. Counts are those of the finest grid, seconds those of all.
+/// memory) or further grids are of no use, and ends as tolerance_not_met with the reason. Where y may jump, a grid of
+/// 3/4 of the steps has to agree. Counts are those of the finest grid, seconds those of all.
 ///
 /// Small dense scenes with initial values are first given to event-driven integration (core/solve/event_control.hpp),
-/// whose errors are far below the tolerance; grids are for what it does not take, or gives up.
+/// whose errors are far below the tolerance; grids are for other scenes, and for those that it gives up.
 Result solve_to_tolerance(const Scene&, Backend&, const InnerOptions&, const Solve&);
 
 /// Method events by name, to a tolerance or on one grid.

@@ -1,5 +1,5 @@
 #pragma once
-// What error control has to reach, and in which sizes errors are measured.
+// The goal of error control, and the sizes in which errors are measured.
 
 #include "../accuracy/convergence.hpp"
 #include "../result/inner_options.hpp"

@@ -26,7 +26,7 @@ class GridRefinement {
 
  private:
   static constexpr double accepted = 0.8;        ///< of the tolerance
-  static constexpr double left_by_cycles = 0.1;  ///< of the tolerance: more is iterated away on the same grid
+  static constexpr double left_by_cycles = 0.1;  ///< of the tolerance: more sweeps on the same grid reduce larger ones
 
   Result until_stopped();
   Result refine();
@@ -60,7 +60,7 @@ class GridRefinement {
   void check();
   /// g that jumps inside steps enters contour, multigrid and Euler by its values at their ends: a pulse between them is
   /// in no difference of grids. Method march takes such steps in parts.
-  /// So does it where the state jumps, which method galerkin sees late on all grids.
+  /// It also does so where the state jumps, which method galerkin notices late on all grids.
   bool misses_inside() const;
   /// The same of kinks, and of pulses with slopes, in sparse scenes and Kronecker sums.
   bool takes_g_at_points() const;
@@ -68,7 +68,7 @@ class GridRefinement {
   bool has_rough_intervals() const;
   void check_beside_march();
   Result blocks_by_march();
-  /// Why grids of this method will not show that they miss nothing; nothing: with more steps they will.
+  /// Why grids of this method cannot show that they miss nothing; empty: with more steps they can.
   std::optional<std::string> why_unchecked() const;
   void estimate();
   void doubt_sudden_drops(ErrorEstimate&);
@@ -80,10 +80,10 @@ class GridRefinement {
   /// Empty: the tolerance is met. Nothing: go on. Otherwise why it will not be met.
   std::optional<std::string> verdict() const;
   static double discretisation(const ErrorEstimate& e) { return std::isnan(e.discretisation) ? 0 : e.discretisation; }
-  /// What no grid changes.
+  /// Reasons to end that no grid changes.
   std::string limit_of_grids() const;
   std::optional<std::string> hopeless(const GridDifferences& d, double goal, double other, const char* what) const;
-  /// What a coarser grid has found stays, except where the scene has no solution.
+  /// The result of a coarser grid stays, except where the scene has no solution.
   Result ended_by(Result& next);
   Result failed(Result& next);
   Result ended(const std::string& reason, Status status = Status::tolerance_not_met);

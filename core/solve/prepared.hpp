@@ -36,7 +36,8 @@ struct Prepared {
     for (auto& [steps, grid] : grids) grid.changes.add(changes);
   }
 
-  /// `made`, or the dynamics that the same reduction has made of `given` before: what is shared by grids stays theirs.
+  /// `made`, or the dynamics that the same reduction has made of `given` before, so that grids keep the data that they
+  /// share.
   Dynamics reduced(Reduction, const Dynamics& given, const Dynamics& made);
 
   /// Free rows of `scene` eliminated; made once for all grids of a solve. Null as eliminate_free.

@@ -63,7 +63,7 @@ class Solver {
   Backend& backend_;
   InnerOptions options_;
   RowMatrix first_iterate_;  ///< that the options point to
-  Vector next_x0_;           ///< where an x0 is copied to and looked at
+  Vector next_x0_;           ///< copy of an x0, which is then checked
 };
 
 }  // namespace bromwich

@@ -10,7 +10,7 @@ from . import _core
 
 def main() -> None:
     sys.stdout.flush()
-    signal.signal(signal.SIGINT, signal.SIG_DFL)  # the command has its own answer to Ctrl-C
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # the command handles Ctrl-C itself
     sys.exit(_core.command(["bromwich", *sys.argv[1:]]))
 
 

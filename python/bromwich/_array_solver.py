@@ -37,7 +37,7 @@ class SharedArray:
             }
 
     def __dlpack__(self, *, stream: Any = None, **_: Any) -> Any:
-        """Whatever the stream: the values are there since the solve has returned."""
+        """`stream` is ignored: the values are complete when the solve has returned."""
         return self._answer.capsule(self._name)
 
     def __dlpack_device__(self) -> tuple[int, int]:
@@ -91,7 +91,7 @@ class ArrayResult:
 
 
 class ArraySolver:
-    """One scene, solved many times with f and g as arrays where they lie, on the host or on a CUDA device.
+    """One scene, solved many times with f and g as arrays on the host or on a CUDA device, where they are read without a copy.
 
     Method ``contour`` on one grid: nothing of size J x n passes through the host. The solver works in the units of the
     scene, and its results are not looked at again with half the step, as those of :func:`solve` may be.
@@ -136,7 +136,7 @@ class ArraySolver:
 
     @property
     def device(self) -> tuple[int, int]:
-        """As ``__dlpack_device__`` has it: (1, 0) for the host, (2, number) for a CUDA device."""
+        """As ``__dlpack_device__`` returns it: (1, 0) for the host, (2, number) for a CUDA device."""
         return self._prepared.place[:2]
 
     def set_x0(self, x0: Any) -> None:
@@ -170,7 +170,7 @@ class ArraySolver:
         return _checked(result, answer.facts["by_keyboard"], check, stop)
 
     def _borrowed(self, table: Any, name: str) -> Any:
-        """What the compiled part takes: a view, or a capsule that is ready on the stream of the solver."""
+        """The source for the compiled part: a view, or a capsule that is ready on the stream of the solver."""
         if table is None:
             return None
         kind, number, stream = self._prepared.place

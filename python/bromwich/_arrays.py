@@ -10,9 +10,9 @@ import numpy as np
 from . import _core
 from ._errors import Error
 
-# A dense M is kept as three diagonals from here on, where it has no more.
+# Rows from which a dense M that is tridiagonal is kept as three diagonals.
 SMALLEST_TRIDIAGONAL = 17
-# A sparse M stays sparse from this number of rows on, where it has fewer entries than this part of all.
+# A sparse M stays sparse with at least so many rows and less than this share of nonzero entries.
 SMALLEST_SPARSE = 257
 LARGEST_DENSITY = 0.1
 
@@ -36,12 +36,12 @@ class Tridiagonal:
 
 
 def is_sparse(a: Any) -> bool:
-    """Whether it is a matrix or array of scipy.sparse, which is not imported for the question."""
+    """Whether it is a matrix or array of scipy.sparse. SciPy is not imported for this."""
     return hasattr(a, "tocsc") and hasattr(a, "nnz")
 
 
 def number(value: Any, name: str) -> float:
-    """A real number, as a float; NaN and infinity are left to who knows what they mean."""
+    """A real number, as a float. The caller judges NaN and infinity."""
     try:
         if isinstance(value, (str, bytes)):
             raise TypeError
@@ -65,7 +65,7 @@ def whole_number(value: Any, name: str) -> int:
 
 
 def listed(values: Any, name: str) -> list[Any]:
-    """What a loop over it gives."""
+    """The items of an iterable."""
     try:
         return list(values)
     except TypeError:
@@ -83,13 +83,13 @@ def _shortly(value: Any) -> str:
     return words if len(words) <= 60 else words[:57] + "..."
 
 
-# Of DLPack: the processor, and memory of devices that the processor can read.
+# Device types of DLPack: the processor, and device memory that the processor can read.
 READABLE = frozenset({1, 3, 11, 13})
 CUDA = 2
 
 
 def on_host(a: Any, name: str) -> np.ndarray:
-    """NumPy's view of an array of any library, through DLPack where it has that. What lies on a device is copied."""
+    """NumPy's view of an array of any library, through DLPack if it has that. An array on a device is copied."""
     found = a
     if not (isinstance(a, (np.ndarray, Sequence, int, float)) or np.isscalar(a)):
         where = a.__dlpack_device__()[0] if hasattr(a, "__dlpack_device__") else 1
@@ -149,7 +149,7 @@ def filled(a: Any, size: int, name: str) -> np.ndarray:
 
 
 def of_other_library(a: Any) -> bool:
-    """Whether it is an array, and none of NumPy."""
+    """Whether it is an array of another library than NumPy."""
     return hasattr(a, "__dlpack__") and not isinstance(a, np.ndarray)
 
 

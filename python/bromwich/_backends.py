@@ -1,4 +1,4 @@
-"""What solves run on."""
+"""The backends: the processor and CUDA devices."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class BackendInfo(NamedTuple):
     """One of :func:`backends`."""
 
     available: bool
-    detail: str  #: what it is, or why it is not there
+    detail: str  #: threads or devices, or why it cannot be used
 
 
 def cuda_devices() -> list[str]:
@@ -24,7 +24,7 @@ def cuda_devices() -> list[str]:
 
 
 def backends() -> dict[str, BackendInfo]:
-    """``"cpu"`` and ``"cuda"``, the values of ``backend=``: whether they can be used, and what they are, or why not.
+    """``"cpu"`` and ``"cuda"``, the values of ``backend=``: whether they can be used, and their details.
 
     Asks for CUDA devices, which loads the CUDA libraries; ``import bromwich`` does not.
     """

@@ -20,7 +20,7 @@ from ._solve import Check, Progress, _options, host_threads
 from ._sources import source
 
 MATRICES = ("A", "B", "N", "M", "E")
-# Of these, the axes of one scene; one more is a leading axis.
+# Number of axes for one scene; an array with one more has the scenes as leading axis.
 AXES = {"A": 2, "B": 2, "N": 2, "M": 2, "E": 2, "x0": 1}
 
 
@@ -177,7 +177,7 @@ def solve_batch(
 
 
 def _share(ranks: Ranks, models: list, count: int, axes: dict, x0: Any, f: list, g: list) -> tuple:
-    """Of one rank: every scene k with k % size = rank."""
+    """The arguments of one rank: every scene k with k % size = rank."""
     scenes = count or len(models)
     if scenes < ranks.size:
         raise Error(f"ranks: found {ranks.size} for {scenes} scenes; use fewer ranks", "ranks")
@@ -231,7 +231,7 @@ def _batch(scenes: Any, steps: int | None, arguments: dict[str, Any]) -> tuple:
 
 
 def _split(arguments: dict[str, Any]) -> tuple[dict[str, np.ndarray], np.ndarray | None, dict[str, Any], dict[str, Any]]:
-    """The arguments with a leading axis, and those of one scene, with the first entries of the others."""
+    """The arguments with a leading axis, and the arguments of the first scene."""
     axes, own, common, x0 = {}, {}, dict(arguments), None
     for name, one in AXES.items():
         given = arguments.get(name)

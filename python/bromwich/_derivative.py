@@ -46,7 +46,7 @@ class Margin(NamedTuple):
     t: float
     constraint: int  #: i; -1: no constraint is near
     transversality: float  #: smallest T |c'| at a switch where c vanishes, relative to the largest c; inf: none is located
-    grazing_time: float  #: where that is
+    grazing_time: float  #: its time
 
 
 class Derivative:
@@ -170,7 +170,7 @@ class BatchDerivative:
         margin: K of :class:`Margin`.
     """
 
-    # Axes of one scene; one more is the leading axis.
+    # Number of axes for one scene; an array with one more has the scenes as leading axis.
     _AXES = {"x0": 1, "f": 2, "g": 2, "A": 2, "B": 2, "N": 2, "M": 2, "E": 2, "y": 2, "x": 2, "w": 2, "integral": 2}
 
     def __init__(self, answer: _core.BatchAnswer, located: bool | None = None, threads: int = 1) -> None:

@@ -1,4 +1,4 @@
-"""What the wrappers for JAX and PyTorch have in common: a solve of arrays, alone or with leading axes, and its gradient."""
+"""Shared by the wrappers for JAX and PyTorch: a solve of arrays, with or without leading axes, and its gradient."""
 
 from __future__ import annotations
 
@@ -14,17 +14,16 @@ from ._errors import Error, NotSolved
 from ._result import Result
 from ._solve import solve
 
-#: The data of a solve, in the order of :class:`Gradient`, and the axes that each has for one scene.
+#: The data of a solve, in the order of :class:`Gradient`, and the number of axes of each for one scene.
 AXES = {"x0": 1, "f": 2, "g": 2, "A": 2, "B": 2, "N": 2, "M": 2}
 DATA = tuple(AXES)
 
-
-#: Of the data, in the order of DATA; None where there are none.
+#: The shape of each array in DATA, in that order; None for one that is not given.
 Shapes = Sequence[Optional[tuple[int, ...]]]
 
 
 def leading(shapes: dict[str, tuple[int, ...] | None]) -> tuple[int, ...]:
-    """The leading axes that the data have together."""
+    """The shape of the leading axes, after broadcasting those of all data."""
     for name, shape in shapes.items():
         if shape is not None and len(shape) < AXES[name]:
             raise Error(f"{name}: has {len(shape)} axes; give {AXES[name]}, or more with the scenes first", name)
@@ -37,7 +36,7 @@ def leading(shapes: dict[str, tuple[int, ...] | None]) -> tuple[int, ...]:
 
 
 class Solved:
-    """A solution of one scene, or of scenes over leading axes; data without them, or of length 1 there, are shared."""
+    """A solution of one scene, or of scenes over leading axes. Data without these axes, or of length 1, are shared."""
 
     def __init__(self, arrays: dict[str, np.ndarray | None], T: float, steps: int, method: str, threads: int) -> None:
         given = {name: np.asarray(v, dtype=np.float64) for name, v in arrays.items() if v is not None}
@@ -61,7 +60,7 @@ class Solved:
     def _listed(self, name: str, v: np.ndarray, count: int) -> np.ndarray:
         one = v.shape[v.ndim - AXES[name] :]
         if v.size == math.prod(one):
-            # One x0 for all says how many scenes there are where no other array does.
+            # The batch takes the number of scenes from x0, which is therefore repeated.
             return np.broadcast_to(v.reshape(one), (count, *one)) if name == "x0" else v.reshape(one)
         return np.broadcast_to(v, (*self._leading, *one)).reshape(count, *one)
 
@@ -77,10 +76,15 @@ class Solved:
     def gradient(
         self, of: tuple[np.ndarray, ...], shapes: Shapes | None = None, mapped: Sequence[bool] = ()
     ) -> list[np.ndarray | None]:
-        """The gradient in the order of DATA; None where there were no data. NaN for M where there is no derivative with
-        respect to it (:attr:`Derivative.without_M`). `of` has the leading axes of the outputs, or more of them where the
-        scenes are shared. `shapes`: of the members, which are sums over the axes that they lack or where they have length 1;
-        None: with all leading axes. `mapped`: of the first axes of `of`, whether the scenes have them too."""
+        """The gradient in the order of DATA; None for data that were not given, NaN for M where
+        :attr:`Derivative.without_M` says that there is no derivative with respect to it.
+
+        Args:
+            of: weights of y, x and w. They have the leading axes of the outputs, or more where the scenes are shared.
+            shapes: of the results, which are summed over axes that these lack, or where these have length 1; None: all
+                leading axes.
+            mapped: for each of the first axes of `of`, whether the scenes have it too.
+        """
         of = tuple(np.asarray(v, dtype=np.float64) for v in of)
         mine = iter(self._leading)
         own = (*(next(mine) if has else 1 for has in mapped), *mine)
@@ -88,7 +92,7 @@ class Solved:
         own = (1,) * (len(every) - len(own)) + own
         of = tuple(np.broadcast_to(v, (*every, *v.shape[-2:])) for v in of)
         bars = {name: np.zeros((*every, *s[len(s) - AXES[name] :])) for name, s in self._shapes.items() if s is not None}
-        # Along axes where the scenes are shared and the weights are not, one by one.
+        # One pass for each index of the axes that the weights have and the scenes do not.
         for at in np.ndindex(*(k if one == 1 else 1 for k, one in zip(every, own))):
             here = tuple(slice(i, i + 1) if one == 1 else slice(None) for i, one in zip(at, own))
             for name, bar in self._bars([v[here] for v in of]).items():
@@ -117,7 +121,7 @@ class Solved:
 
 
 def whole(steps: Any) -> int:
-    """A number of steps; Error for what is none."""
+    """A number of steps; Error for anything else."""
     if isinstance(steps, bool) or steps != int(steps):
         raise Error(f"steps: found {steps}; give a whole number from 1 on", "steps")
     return int(steps)

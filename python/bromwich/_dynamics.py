@@ -1,4 +1,4 @@
-"""Linear dynamics that are no matrices: callbacks, and sums of second differences."""
+"""Linear dynamics without a matrix A: callbacks, and sums of second differences."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Solve = Callable[[np.ndarray], np.ndarray]
 
 
 class Dynamics:
-    """E x' = A x + B y known by what it does: a finite-element code, a matrix-free operator, a transform.
+    """E x' = A x + B y by callbacks: a finite-element code, a matrix-free operator, a transform.
 
     Args:
         states: m.
@@ -129,7 +129,7 @@ class Kronecker:
 
     @staticmethod
     def spacing(points: int, length: float, ends: Ends = "dirichlet") -> float:
-        """dx of so many points on a line of this length, from end to end."""
+        """The spacing of the points of a line, from its number of points and its length."""
         return number(length, "length") / (whole_number(points, "points") + 1 - 0.5 * sum(end is not None for end in _ends(ends, "ends")))
 
 
@@ -156,7 +156,7 @@ def _ends(ends: Ends, name: str) -> tuple[float | None, float | None]:
 
 
 def returned(found: Any, given: np.ndarray, name: str) -> np.ndarray:
-    """What a callback has returned, of the shape and type of what it was given, column by column."""
+    """The array that a callback has returned, checked: of the shape and type of its argument, in column order."""
     array = np.asarray(found)
     if array.ndim == 1 and given.shape[1] == 1:
         array = array.reshape(-1, 1)
@@ -168,7 +168,7 @@ def returned(found: Any, given: np.ndarray, name: str) -> np.ndarray:
 
 
 def says_singular(error: BaseException) -> bool:
-    """Whether an exception of a callback says that z is an eigenvalue."""
+    """Whether an exception of a callback means that z is an eigenvalue."""
     if isinstance(error, (SingularShift, np.linalg.LinAlgError)):
         return True
     return type(error) is RuntimeError and "singular" in str(error).lower()

@@ -1,4 +1,4 @@
-"""Exceptions of the package: what a program can do about a failure is the class."""
+"""Exceptions of the package, a class for each way to react to a failure."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ _KINDS = {
     "singular shift": SingularShift,
 }
 
-# What the library and its command call an argument, and what it is called here.
+# Names of arguments in the library and its command, and here.
 _NAMES = {
     "--backend": "backend",
     "absolute_tolerance": "atol",
@@ -90,7 +90,7 @@ _NAMES = {
 
 
 def made(kind: str, argument: str, rest: str) -> Error:
-    """The exception for an error of the library: what it says of an argument."""
+    """The exception for an error of the library, with the argument that it names."""
     argument = argument.removesuffix("(0)")  # a source at t = 0
     argument = _NAMES.get(argument, argument)
     rest = re.sub(r"--backend (\w+)", r"backend='\1'", rest)

@@ -49,7 +49,7 @@ def save(result: Result, path: str | os.PathLike[str]) -> None:
 
 @contextlib.contextmanager
 def _complete(name: str) -> Iterator[str]:
-    """A name to write to, which becomes `name` once all is written: a full disk leaves the old file, or none."""
+    """A temporary name, renamed to `name` once all is written. With a full disk the old file stays, or none."""
     folder = os.path.dirname(name) or "."
     if not os.path.isdir(folder):
         raise FileNotFoundError(errno.ENOENT, "path: the folder does not exist; create it first", folder)
@@ -149,7 +149,7 @@ def _shortest(value: float) -> str:
 
 
 def _save_csv(result: Result, name: str, arrays: dict[str, np.ndarray]) -> None:
-    scales = _scales(result, arrays, named=False)  # a header tells y from x by its letters
+    scales = _scales(result, arrays, named=False)  # the letters of the header tell y from x
     columns = [arrays["t"][:, None], result.y[: len(arrays["t"])], arrays.get("x", np.empty((len(arrays["t"]), 0)))]
     header = ["t", *scales.get("constraint_name", []), *scales.get("state_name", [])]
     with open(name, "w", encoding="utf-8", newline="\n") as file:
@@ -162,7 +162,7 @@ def _save_csv(result: Result, name: str, arrays: dict[str, np.ndarray]) -> None:
 
 
 def attributes(result: Result) -> dict[str, Any]:
-    """The facts of a result, as the command writes them."""
+    """The attributes of a result, as the command writes them."""
     facts: dict[str, Any] = {
         "format": FORMAT,
         "scene": result.scene.name,

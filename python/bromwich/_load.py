@@ -1,7 +1,7 @@
-"""The compiled part: which one is for this processor, and the OpenMP runtime that it shares with others.
+"""Chooses the compiled part for this processor, and the OpenMP runtime that it shares with other packages.
 
-The environment variable ``BROMWICH_VECTORS`` chooses among :func:`variants`, from ``base`` to ``avx512``; without it the
-widest vector instructions are taken that the processor has.
+The environment variable ``BROMWICH_VECTORS`` chooses among :func:`variants`, from ``base`` to ``avx512``. Without it the
+widest vector instructions of the processor are used.
 """
 
 from __future__ import annotations
@@ -16,21 +16,21 @@ from pathlib import Path
 from types import ModuleType
 
 HERE = Path(__file__).parent
-LEVELS = {"base": 0, "avx2": 3, "avx512": 4}  # of x86-64; a build may have the first one alone
+LEVELS = {"base": 0, "avx2": 3, "avx512": 4}  # levels of x86-64 (v3 is AVX2); a build may have only `base`
 RUNTIME = re.compile(r"/lib(gomp|omp|iomp5)[-.][^/]*so[^/]*$")
 
 
 def openmp() -> str:
-    """Loads an OpenMP runtime, and says which.
+    """Loads an OpenMP runtime and returns its file.
 
-    One runtime has one pool of threads: what is in the process already is taken, then that of PyTorch, which may be
-    imported later, then that of the environment or the system, then the package's own.
+    With one runtime there is one pool of threads. The first of these is taken: a runtime that the process has loaded;
+    that of PyTorch, which may be imported later; that of the environment or the system; the package's own.
     """
     tried = []
     for file in (*_in_process(), *_of_torch(), Path(sys.prefix) / "lib" / "libgomp.so.1", "libgomp.so.1", *_own()):
         try:
             library = ctypes.CDLL(str(file), mode=os.RTLD_GLOBAL | os.RTLD_NOW)
-            library.GOMP_loop_nonmonotonic_dynamic_start  # what compilers call since OpenMP 4.5
+            library.GOMP_loop_nonmonotonic_dynamic_start  # AttributeError in runtimes older than OpenMP 4.5
         except (OSError, AttributeError) as error:
             tried.append(f"{file}: {error}")
             continue
@@ -40,8 +40,9 @@ def openmp() -> str:
 
 
 def _for_libraries() -> None:
-    """Debian's muParser wants a libgomp.so.1 by name; that of PyTorch has another. Its functions are still those of the
-    runtime above, which come first, so that it starts no threads."""
+    """Loads a libgomp.so.1 for Debian's muParser, which needs it by this name; PyTorch's runtime has another name.
+
+    Symbols are looked up in the runtime of :func:`openmp` first, so that this one starts no threads."""
     for file in ("libgomp.so.1", *_own()):
         try:
             ctypes.CDLL(str(file), mode=os.RTLD_LOCAL | os.RTLD_NOW)
@@ -61,7 +62,7 @@ def _in_process() -> list[str]:
 
 def _of_torch() -> list[Path]:
     if "torch" in sys.modules:
-        return []  # it would be in the process
+        return []  # _in_process has found its runtime
     try:
         spec = importlib.util.find_spec("torch")
     except (ImportError, ValueError):
@@ -76,12 +77,12 @@ def _own() -> list[Path]:
 
 
 def variants() -> list[str]:
-    """Those that are installed, the widest last."""
+    """The installed variants of the compiled part, the widest last."""
     return [name for name in LEVELS if name == "base" or _file(name)]
 
 
 def chosen() -> str:
-    """That which is imported."""
+    """The variant to import."""
     level = _level()
     word = os.environ.get("BROMWICH_VECTORS", "")
     if not word:
@@ -89,7 +90,7 @@ def chosen() -> str:
     if word not in variants():
         raise ImportError(f"BROMWICH_VECTORS: found {word!r}; this package has {', '.join(variants())}")
     if LEVELS[word] > level:
-        raise ImportError(f"BROMWICH_VECTORS: found {word!r}, which this processor has not; use base, or leave it out")
+        raise ImportError(f"BROMWICH_VECTORS: found {word!r}, which this processor does not have; use base, or unset it")
     return word
 
 
@@ -105,7 +106,7 @@ def _file(variant: str) -> Path | None:
 
 
 def core() -> tuple[str, str]:
-    """Makes ``bromwich._core`` the one for this processor; its variant and its OpenMP runtime."""
+    """Imports the variant for this processor as ``bromwich._core``; returns its name and the OpenMP runtime."""
     runtime, variant = openmp(), chosen()
     file = _file(variant)
     if file is not None:

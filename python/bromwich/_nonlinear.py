@@ -19,7 +19,7 @@ Function = Callable[[float, np.ndarray, np.ndarray], Any]
 
 
 class NonlinearResult:
-    """What :func:`solve_nonlinear` returns.
+    """The result of :func:`solve_nonlinear`.
 
     Attributes:
         status, reason: as in :class:`Result`.
@@ -53,8 +53,8 @@ class NonlinearResult:
     def at(self, t: float | Iterable[float]) -> NonlinearResult:
         """The result at other times: a row of ``t``, ``x``, ``y`` and ``w`` for each.
 
-        y is a line between its rows and x is carried from the row before; where y may jump a step of the length that is
-        left is solved.
+        y is linear between its rows, and x is computed from the row before. Where y may jump, a step from that row to
+        the requested time is solved.
 
         Raises:
             Error: for times outside [0, T].
@@ -194,7 +194,7 @@ def _values(name: str, function: Function | None, derivative: Function | str | N
 
 
 def _numbers(name: str, found: Any) -> np.ndarray:
-    """What a function has returned, as an array of float64."""
+    """The values that a function has returned, as an array of float64."""
     try:
         if found is None or np.iscomplexobj(found):
             raise TypeError

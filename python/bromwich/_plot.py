@@ -12,7 +12,7 @@ from ._result import Result, require
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-# Beyond so many, lines say nothing: components against time as a picture.
+# With more components, a picture of components against time is drawn in place of lines.
 MOST_LINES = 10
 
 
@@ -35,8 +35,8 @@ def plot(result: Result, what: str, components: Iterable[int] | None, ax: Axes |
 
 
 def _title(result: Result, ax: Axes) -> None:
-    status = "" if result.ok else f" ({result.status})"
-    ax.set_title((result.scene.name or "bromwich") + status)
+    status = "" if result.ok else f"({result.status})"
+    ax.set_title(" ".join(word for word in (result.scene.name, status) if word))
 
 
 def _draw(result: Result, what: str, components: Iterable[int] | None, ax: Axes) -> None:

@@ -1,4 +1,4 @@
-"""One line that says what a solve has done and how long it still takes: on terminals and in notebooks."""
+"""A line with the progress of a solve and an estimate of the time left, on terminals and in notebooks."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import Any, TextIO
 from . import _core
 from ._errors import Error
 
-QUIET = 1.0  # seconds: no line for what is over by then
+QUIET = 1.0  # seconds; shorter solves show no line
 PAUSE = 0.1  # between two lines
 
 
@@ -31,7 +31,7 @@ class ProgressLine:
 
     Args:
         tolerance: the change of y at which sweeps end.
-        show: receives each line; "" takes it away.
+        show: receives each line; "" removes it.
         clock: seconds.
     """
 
@@ -88,7 +88,7 @@ def _in_notebook() -> Callable[[str], object] | None:
 
 @contextmanager
 def reporting(progress: Any, tolerance: float) -> Iterator[Any]:
-    """What ``progress`` stands for: a function as it is; True: a line in a notebook or on a terminal, if there is one."""
+    """The function for the argument ``progress``: itself; or for True a line in a notebook or on a terminal, if any."""
     if progress is None or progress is False:
         yield None
         return

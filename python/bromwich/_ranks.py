@@ -1,4 +1,4 @@
-"""Ranks of an mpi4py communicator: what the library sends through it, and how scenes are dealt out."""
+"""Ranks of an mpi4py communicator: the messages of the library, and the distribution of scenes."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from . import _core
 from ._errors import Error
 
-TOGETHER = 1 << 28  # values of a message: MPI counts with int
+TOGETHER = 1 << 28  # values per message: counts of MPI are of type int
 
 
 class Ranks:
@@ -43,23 +43,23 @@ class Ranks:
             self.comm.Bcast(values[begin : begin + TOGETHER], root)
 
     def threads(self, asked: int) -> int:
-        """Those of one rank: as many as asked for, or its share of the cores; the same on all ranks."""
+        """Threads of one rank: the given number, or its share of the cores; the same on all ranks."""
         if asked == 0:
             asked = int(os.environ.get("OMP_NUM_THREADS", "0").split(",")[0] or 0)
         if asked == 0:
             here = self.comm.Split_type(self._mpi.COMM_TYPE_SHARED)
             cores, neighbours = len(os.sched_getaffinity(0)), here.size
             here.Free()
-            bound = cores < (os.cpu_count() or 1)  # to cores of its own
+            bound = cores < (os.cpu_count() or 1)  # each rank is bound to its own cores
             asked = max(1, cores if bound else cores // neighbours)
         return self.comm.allreduce(asked, self._mpi.MIN)
 
     def together(self, work: Callable[[], Any]) -> Any:
-        """What ``work`` returns on this rank; where it raises on any rank, all of them raise."""
+        """Returns ``work()`` of this rank. If it raises on any rank, all ranks raise."""
         found, error = None, None
         try:
             found = work()
-        except Exception as failure:  # of any kind: the others wait
+        except Exception as failure:  # any exception, since the other ranks wait
             error = failure
         failures = self.comm.allgather(None if error is None else f"{type(error).__name__}: {error}")
         if error is not None:
@@ -71,7 +71,7 @@ class Ranks:
 
 
 def ranks_of(ranks: Any, stop: Any) -> Ranks | None:
-    """Of the argument ``ranks``; None for one rank."""
+    """The ranks of the argument ``ranks``; None for one rank."""
     if ranks is None:
         return None
     if not all(hasattr(ranks, name) for name in ("Allgather", "Sendrecv", "Split_type", "rank", "size")):
@@ -90,7 +90,7 @@ def ranks_of(ranks: Any, stop: Any) -> Ranks | None:
 
 
 class DealtAnswer:
-    """Results of the scenes k with k % size = rank of every rank, in their order: what ``_core.BatchAnswer`` has."""
+    """Results of the scenes k with k % size = rank of every rank, in their order, with the members of ``_core.BatchAnswer``."""
 
     def __init__(self, own: Any, scenes: int, ranks: Ranks) -> None:
         everywhere = ranks.comm.allgather(

@@ -1,4 +1,4 @@
-"""Results: what came out, and how good it is."""
+"""Results: the solution, its status and its errors."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ class Status(str, enum.Enum):
     """How a solve ended. Each is a string: ``result.status == "solved"``."""
 
     solved = "solved"
-    tolerance_not_met = "tolerance_not_met"  #: y is there, and the residual or the error is too large
-    infeasible = "infeasible"  #: no y from the time ``infeasible_at`` on
-    unsupported = "unsupported"  #: the method does not take the scene
-    nonfinite = "nonfinite"  #: values beyond what a double holds
+    tolerance_not_met = "tolerance_not_met"  #: there is a y, but its residual or error is too large
+    infeasible = "infeasible"  #: there is no solution from the time ``infeasible_at`` on
+    unsupported = "unsupported"  #: the method cannot solve such a scene
+    nonfinite = "nonfinite"  #: values that overflow a double
     interrupted = "interrupted"  #: by Ctrl-C, or by ``stop``
     running = "running"  #: of a file: the run goes on, or was killed
     failed = "failed"  #: of a file: the run ended with an error, which the command has printed
@@ -48,7 +48,7 @@ class Switch(NamedTuple):
 
 
 class Result:
-    """What a solve has computed. Arrays are read-only views without a copy; they keep the result alive.
+    """The result of a solve. Arrays are read-only views without a copy; they keep the result alive.
 
     ``t`` has J+1 times; ``y``, ``x``, ``w`` have one row for each. Rows after the last valid time are NaN.
     """
@@ -99,7 +99,7 @@ class Result:
 
     @property
     def warning(self) -> str:
-        """One line about a result that may be called solved, on uniqueness or conditions; or empty."""
+        """One line about uniqueness or accuracy, which a solved result may have too; otherwise empty."""
         return self._answer.warning
 
     @property
@@ -124,7 +124,7 @@ class Result:
 
     @property
     def w(self) -> np.ndarray | None:
-        """(J+1) x n: N x + M y + g, with g as it is when w is first asked for."""
+        """(J+1) x n: N x + M y + g, with g as it is at the first access to w."""
         return self._answer.w
 
     @property
@@ -179,7 +179,7 @@ class Result:
 
     @property
     def method(self) -> str:
-        """That solved the scene, or was tried last."""
+        """The method that solved the scene, or was tried last."""
         return self._answer.method
 
     @property
@@ -214,7 +214,7 @@ class Result:
 
     @property
     def starts_with_impulse(self) -> bool:
-        """x0 violates the constraints: the state jumps at t = 0, and the first row of y is no value."""
+        """x0 violates the constraints: the state jumps at t = 0, and the first row of y is then not a value of y."""
         return self._answer.starts_with_impulse
 
     @property
@@ -314,7 +314,7 @@ class Result:
         return attributes(self)
 
     def _span(self) -> tuple[float, float]:
-        """From where to where ``at`` has values."""
+        """The first and the last time for which ``at`` has values."""
         return 0.0, self._scene.T
 
     def __repr__(self) -> str:
@@ -337,7 +337,7 @@ class Result:
 
 def _restored(scene: Scene, state: dict[str, Any]) -> Result:
     model = scene._model
-    if "x0" in state or "sources" in state:  # of a Solver, which has changed them
+    if "x0" in state or "sources" in state:  # of a Solver whose sources have changed since
         f, g, breakpoints, known = state.get("sources", (None, None, [], False))
         model = _core.changed_model(
             model, state.get("x0"), "sources" in state, restored(f), restored(g), breakpoints, known

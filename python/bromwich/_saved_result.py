@@ -49,7 +49,7 @@ def load(path: str | os.PathLike[str]) -> SavedResult:
 class SavedResult(Result):
     """A result that was read from a file: ``t``, ``y``, ``w``, ``x`` and what is known of them, as of :class:`Result`.
 
-    Of the scene it has the name. Switches, the integral of y and other times are what the rows of the file say.
+    Of the scene only the name is known. Switches, the integral of y and values at other times come from the rows.
     """
 
     def __init__(self, arrays: dict[str, np.ndarray], facts: dict[str, Any]) -> None:
@@ -61,7 +61,7 @@ class SavedResult(Result):
 
     @property
     def attributes(self) -> dict[str, Any]:
-        """All that the file says about the run: ``docs/output.md`` lists it."""
+        """The attributes of the file, listed in ``docs/output.md``."""
         return dict(self._facts)
 
     @property
@@ -94,7 +94,7 @@ class SavedResult(Result):
         return float(self.t[0]), float(self.t[-1])
 
     def _words(self) -> list[str]:
-        """What the file knows."""
+        """The parts of the text of ``repr``."""
         words = [f"{self.status}" + (f" by {self.method}" if self.method else "")]
         words += [self.reason] if self.reason else []
         words += [f"residual {self.residual:.1e}"] if math.isfinite(self.residual) else []
@@ -105,7 +105,7 @@ class SavedResult(Result):
 
 
 class _Answer:
-    """What :class:`Result` asks of the library, from arrays."""
+    """Arrays with the interface by which :class:`Result` reads the library's answer."""
 
     def __init__(self, arrays: dict[str, np.ndarray], facts: dict[str, Any]) -> None:
         rows = len(arrays["t"])
@@ -195,7 +195,7 @@ def _load_hdf5(name: str, grid: bool) -> tuple[dict[str, np.ndarray], dict[str, 
             if key in file:
                 arrays[key] = file[key].asstr()[()].astype(str)
         facts["_units"] = {key: file[key].attrs["units"] for key in ("t", *ARRAYS) if "units" in file.get(key, file).attrs}
-    # A flush that was cut off by the end of the process may have extended some of them.
+    # If the process ended during a flush, some of them may be longer.
     rows = min([len(arrays[key]) for key in ("t", *ARRAYS) if key in arrays], default=0)
     return {key: value[:rows] if key in ("t", *ARRAYS) else value for key, value in arrays.items()}, facts
 

@@ -1,4 +1,4 @@
-"""Scenes: what is solved."""
+"""Scenes: the problems to solve."""
 
 from __future__ import annotations
 
@@ -11,23 +11,11 @@ from typing import Any
 import numpy as np
 
 from . import _core
-from ._arrays import (
-    Tridiagonal,
-    compressed,
-    filled,
-    is_sparse,
-    lcp_matrix,
-    listed,
-    matrix,
-    number,
-    vector,
-    whole,
-    whole_number,
-    word,
-)
+from ._arrays import listed, matrix, number, vector, whole, whole_number, word
 from ._dynamics import Dynamics, Kronecker
 from ._errors import Error
 from ._labels import names_of, units_of
+from ._model import parameters_of, set_conditions, set_dynamics, set_f_entry, set_lcp
 from ._sources import on_this_host, restored, source, steps_of
 from ._words import suggestion
 
@@ -51,7 +39,7 @@ class Scene:
         E0, ET, b: instead of x0: ``E0 x(0) + ET x(T) = b``, m x m, m x m and m values (method galerkin).
         free: rows i of mixed problems, with w_i = 0 and y_i of either sign.
         lcp_class: ``"auto"``, ``"P"``, ``"Z"`` or ``"PSD"``, what is known of M.
-        breakpoints: times in [0, T] at which f or g may jump or have a kink. Functions are looked through for others.
+        breakpoints: times in [0, T] at which f or g may jump or have a kink. Others are searched in functions.
         parameters: names and values for expressions.
         steps: time steps J where a solve does not say; default 400, or those of a table.
         dynamics: in place of A, B, N and E: :class:`Dynamics` (callbacks) or :class:`Kronecker`.
@@ -109,17 +97,17 @@ class Scene:
         model.name, model.T = word(name, "name"), number(T, "T")
         in_sine_modes = isinstance(dynamics, Kronecker) and dynamics.in_sine_modes
         single_states = not isinstance(F, str) and (F is not None or (f is not None and not in_sine_modes))
-        _set_dynamics(model, A, B, N, E, dynamics, single_states)
-        _set_lcp(model, M)
+        set_dynamics(model, A, B, N, E, dynamics, single_states)
+        set_lcp(model, M)
         model.set_lcp_class(word(lcp_class, "lcp_class"))
         model.free_rows = [whole(i, "free") for i in listed(free, "free")]
-        _set_conditions(model, x0, E0, ET, b)
+        set_conditions(model, x0, E0, ET, b)
         if not (model.T > 0 and np.isfinite(model.T)):
             raise Error(f"T: is {model.T:g}; give a positive finite number", "T")
         if in_sine_modes and f is not None and F is None:
             raise Error("f: enters the states of a Kronecker sum; give n values and F='B', for B f(t)", "f")
-        _set_f_entry(model, F)
-        self._model, self._parameters = model, _parameters(parameters)
+        set_f_entry(model, F)
+        self._model, self._parameters = model, parameters_of(parameters)
         f, g = on_this_host(f, "f"), on_this_host(g, "g")
         parts = self._sources(f, g)
         tables = [steps_of(f, model.sources), steps_of(g, model.constraints)]
@@ -223,17 +211,17 @@ class Scene:
 
     @property
     def parameters(self) -> dict[str, float]:
-        """Of a file or a built-in scene, with the settings; of expressions."""
+        """Parameters of a file or a built-in scene, with the settings, or those given for expressions."""
         return dict(self._parameters)
 
     @property
     def names(self) -> dict[str, list[str]]:
-        """Of the components of x, y and w, by these letters; empty lists where none were given."""
+        """Names of the components, under the keys x, y and w; empty lists where none were given."""
         return dict(self._facts.get("names") or self._model.names)
 
     @property
     def units(self) -> dict[str, list[str]]:
-        """Units of the components of x, y and w, likewise, and that of time, a list of one text, as ``"t"``."""
+        """Units of the components under x, y and w, and the unit of time, a list of one text, under t."""
         of_file = {"t": [self._model.time_unit] if self._model.time_unit else [], **self._model.units}
         return dict(self._facts.get("units") or of_file)
 
@@ -244,12 +232,12 @@ class Scene:
 
     @property
     def warning(self) -> str:
-        """What was not found out when a file was read, or an empty string."""
+        """A limit of the reader that concerns this file, or an empty string."""
         return self._facts.get("warning", "")
 
     @property
     def reference(self) -> dict[str, Any] | None:
-        """What a file says of its solution: t, x, y, tolerance, status, source; None where it says nothing."""
+        """The reference of a file for its solution: t, x, y, tolerance, status, source; None without one."""
         return self._facts.get("reference")
 
     def exact(self, t: float) -> tuple[np.ndarray, np.ndarray] | None:
@@ -295,7 +283,7 @@ def scenes() -> dict[str, dict[str, Any]]:
 def _restored(
     cls: type[Scene], state: dict[str, Any], sources: tuple, parameters: dict[str, float], facts: dict[str, Any]
 ) -> Scene:
-    """A scene that was stated by arrays, from what ``Scene.__reduce__`` has kept."""
+    """A scene of arrays, from the state that ``Scene.__reduce__`` has pickled."""
     model = _core.Model.empty()
     model.name, model.T, model.steps, model.free_rows = (state[k] for k in ("name", "T", "steps", "free_rows"))
     for key in ("dynamics", "M"):
@@ -314,7 +302,7 @@ def _restored(
 
 
 def _made_again(cls: type[Scene], recipe: tuple, fingerprint: str) -> Scene:
-    """A scene of a file, of the catalogue or of a relay."""
+    """A scene of a file, of the catalogue or of a relay, made again."""
     maker, arguments, named = recipe
     made = scene(*arguments, **named) if maker == "catalogue" else getattr(cls, maker)(*arguments, **named)
     if _fingerprint(made._model) != fingerprint:
@@ -324,78 +312,7 @@ def _made_again(cls: type[Scene], recipe: tuple, fingerprint: str) -> Scene:
 
 
 def _fingerprint(model: _core.Model) -> str:
-    """Of all numbers of a scene, and of its sources at a few times."""
+    """A hash of all numbers of a scene, and of its sources at a few times."""
     times = model.T * np.array([0.0, 0.137, 0.381, 0.729, 1.0])
     values = [_core.source_values(model, float(t)) for t in times]
     return hashlib.sha256(pickle.dumps((_core.state_of_model(model), values), protocol=4)).hexdigest()
-
-
-def _parameters(given: Mapping[str, float] | None) -> dict[str, float]:
-    if given is not None and not isinstance(given, Mapping):
-        raise Error(f"parameters: is a {type(given).__name__}; give a dict of names and numbers", "parameters")
-    return {str(k): number(v, f"parameters[{k!r}]") for k, v in (given or {}).items()}
-
-
-def _set_dynamics(
-    model: _core.Model, A: Any, B: Any, N: Any, E: Any, dynamics: Dynamics | Kronecker | None, single_states: bool
-) -> None:
-    given = [name for name, value in (("A", A), ("B", B), ("N", N), ("E", E)) if value is not None]
-    if dynamics is not None:
-        if given:
-            raise Error(f"{given[0]}: is given with dynamics; give one of the two", given[0])
-        if isinstance(dynamics, Kronecker):
-            k = dynamics
-            along, across = (*k.along, k.advection[0], *k.ends_along), (*k.across, k.advection[1], *k.ends_across)
-            beside = [(*line, 0.0, None, None) for line in k.beside]
-            model.set_rectangle(along, across, k.reaction, k.b, k.n, k.far_b, k.far_n, beside, single_states)
-        elif isinstance(dynamics, Dynamics):
-            d = dynamics
-            model.set_supplied(d.states, d.B, d.N, d.shifted, d.mass, d.bound)
-        else:
-            found = type(dynamics).__name__
-            raise Error(f"dynamics: is a {found}; give bromwich.Dynamics or bromwich.Kronecker", "dynamics")
-        return
-    for name, value in (("A", A), ("B", B), ("N", N)):
-        if value is None:
-            raise Error(f"{name}: is missing; give A, B and N, or dynamics", name)
-    if is_sparse(A):
-        sparse_E = None if E is None else compressed(E, "E")
-        model.set_sparse(compressed(A, "A"), compressed(B, "B", column=True), compressed(N, "N"), sparse_E)
-        return
-    dense_E = None if E is None else matrix(E, "E")
-    model.set_dense(matrix(A, "A"), matrix(B, "B", column=True), matrix(N, "N"), dense_E)
-
-
-def _set_lcp(model: _core.Model, M: Any) -> None:
-    found = lcp_matrix(M, model.constraints)
-    if isinstance(found, Tridiagonal):
-        model.set_M_tridiagonal(found.lower, found.diagonal, found.upper)
-    elif isinstance(found, tuple):
-        model.set_M_sparse(found)
-    else:
-        model.set_M(found)
-
-
-def _set_conditions(model: _core.Model, x0: Any, E0: Any, ET: Any, b: Any) -> None:
-    if E0 is None and ET is None and b is None:
-        if x0 is None:
-            raise Error("x0: is missing; give the state at t = 0, or E0, ET and b", "x0")
-        model.set_x0(filled(x0, model.states, "x0"))
-        return
-    for name, value in (("E0", E0), ("ET", ET), ("b", b)):
-        if value is None:
-            raise Error(f"{name}: is missing; give E0, ET and b, E0 x(0) + ET x(T) = b", name)
-    if x0 is not None:
-        raise Error("x0: is given with boundary values; give one of the two", "x0")
-    model.set_boundary(matrix(E0, "E0"), matrix(ET, "ET"), vector(b, "b"))
-
-
-def _set_f_entry(model: _core.Model, F: Any) -> None:
-    if F is None:
-        model.set_f_entry("x", None)
-    elif isinstance(F, str):
-        if F != "B":
-            raise Error(f"F: found {F!r}; give a matrix m x k, or 'B'", "F")
-        model.set_f_entry("B", None)
-    else:
-        model.set_f_entry("F", compressed(F, "F", column=True))

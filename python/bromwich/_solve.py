@@ -18,7 +18,7 @@ from ._scene import Scene
 from ._sources import on_this_host
 from ._words import suggestion
 
-# States are recorded by default where there are no more.
+# The largest number of states that are recorded by default.
 RECORDED_STATES = 1000
 MOST_THREADS = 2**20
 
@@ -96,7 +96,7 @@ def solve(
         NotSolved: with ``check=True``.
         Interrupted: Ctrl-C, a KeyboardInterrupt whose ``result`` has the valid part.
 
-    What callables raise leaves ``solve``. They are called from the thread that called it; other threads of Python run
+    Exceptions of callables leave ``solve``. Callables run in the thread that called ``solve``; other threads of Python run
     while it computes.
 
     Example:
@@ -136,7 +136,7 @@ def _of_rank(ranks: Ranks | None, threads: int) -> tuple[int, _core.Ranks | None
 
 
 def _speaks(ranks: Ranks | None) -> bool:
-    """The first rank warns and shows progress for all."""
+    """Whether this rank warns and shows progress: the first one does so for all."""
     return ranks is None or ranks.rank == 0
 
 
@@ -214,7 +214,7 @@ def host_threads(threads: Any) -> int:
 
 
 def _known(arguments: dict[str, Any]) -> None:
-    """What Python says of a misspelt argument, with its neighbour."""
+    """Refuses unknown arguments as Python does, and suggests a similar name."""
     of_scene, of_solve = Scene.__init__.__kwdefaults__ or {}, solve.__kwdefaults__ or {}
     for name in (n for n in arguments if n not in of_scene):
         near = suggestion(name, [*of_scene, *of_solve])
@@ -316,7 +316,7 @@ def judgement(check: Any, progress: Any, stop: Any) -> None:
 
 
 def stated(scene: Scene | None, steps: int | None, arguments: dict[str, Any]) -> Scene:
-    """The scene, or one of arguments by name."""
+    """The given scene, or a new one of the arguments by name."""
     if scene is None:
         return Scene(steps=steps, **arguments)
     if isinstance(scene, (str, os.PathLike)):
@@ -338,7 +338,7 @@ def _checked(answer: _core.Answer, scene: Scene, check: Check, stop: Callable[[]
 def judged(
     result: Any, by_keyboard: bool, check: Check, stop: Callable[[], bool] | None, stacklevel: int = 4
 ) -> Any:
-    """The result, after what `check` says of one that is not solved; `stacklevel`: of the caller's line."""
+    """Returns the result; warns or raises as `check` says if it is not solved. `stacklevel`: of the caller's line."""
     if result.ok:
         return result
     if by_keyboard:

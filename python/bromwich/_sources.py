@@ -16,7 +16,7 @@ IN_PARAMETERS = "define it in parameters={...},"
 
 
 def source(given: Any, name: str, width: int, T: float, parameters: Mapping[str, float]) -> _core.Source | None:
-    """Whatever a user may give for f or g, with ``width`` values; None: zero."""
+    """The source for an argument f or g, with ``width`` values; None: zero."""
     if given is None or isinstance(given, _core.Source):
         return given
     if isinstance(given, str):
@@ -46,14 +46,14 @@ def source(given: Any, name: str, width: int, T: float, parameters: Mapping[str,
 
 
 def on_this_host(given: Any, name: str) -> Any:
-    """The same with arrays of other libraries as NumPy's, in a table of one's own times too."""
+    """Arrays of other libraries as NumPy's, also in tables with times of their own."""
     if isinstance(given, tuple):
         return tuple(on_this_host(part, name) for part in given)
     return on_host(given, name) if of_other_library(given) else given
 
 
 def steps_of(given: Any, width: int) -> int:
-    """Steps that a table on the grid has been made for; 0: it is none."""
+    """The steps of a table on the uniform grid; 0 for anything else."""
     if given is None or callable(given) or isinstance(given, (str, tuple, _core.Source)):
         return 0
     if isinstance(given, list) and any(isinstance(entry, str) for entry in given):
@@ -123,17 +123,17 @@ def _function(function: Callable, name: str, width: int, T: float) -> _core.Sour
 
 
 def _many(one: _OneTime, T: float) -> _ManyTimes | None:
-    """The function for many times at once, where it proves to take an array of times; None otherwise.
+    """The function for many times at once, if a test shows that it takes an array of times; otherwise None.
 
     It may return times x width or width x times; with one value, times alone.
     """
     width = one.width
-    count = 5 if width != 5 else 7  # as many as cannot be taken for the values
+    count = 5 if width != 5 else 7  # a number of times that differs from the number of values
     times = T * np.array([0.0, 0.137, 0.381, 0.5, 0.729, 0.901, 1.0])[:count]
     try:
         with np.errstate(all="ignore"):
             found = np.asarray(one.function(times), dtype=np.float64)
-    except Exception:  # it takes one time at once
+    except Exception:  # it takes a single time only
         return None
     if found.shape == (count, width):
         turned = False
@@ -150,7 +150,7 @@ def _many(one: _OneTime, T: float) -> _ManyTimes | None:
 
 
 def restored(state: tuple | None) -> _core.Source | None:
-    """The source that the compiled part has described (``state_of_sources``)."""
+    """The source from its description by the compiled part (``state_of_sources``)."""
     if state is None:
         return None
     word, *arguments = state

@@ -40,7 +40,7 @@ OTHERS = {
 
 
 def suggestion(word: str, candidates: Iterable[str]) -> str:
-    """In brackets, what may have been meant; or nothing."""
+    """A similar word, in brackets, or an empty text."""
     known = list(candidates)
     other = OTHERS.get(word)
     lower = {candidate.lower(): candidate for candidate in known}

@@ -20,7 +20,7 @@ from ._errors import Error
 
 
 def _named(data: tuple) -> dict[str, np.ndarray | None]:
-    # A source of no columns stands for none: callbacks take arrays only.
+    # A source without columns stands for None, since callbacks take arrays only.
     arrays = {name: np.asarray(v) for name, v in zip(common.DATA, data)}
     return {name: None if name in "fg" and v.shape[-1] == 0 else v for name, v in arrays.items()}
 

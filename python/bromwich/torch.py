@@ -46,8 +46,8 @@ class _Solve(torch.autograd.Function):
 
 
 class _Gradient(torch.autograd.Function):
-    """Of the data, which it is given to refuse a derivative of its own. `mapped`: of the axes that maps have added, first
-    the outermost, whether the solution has them too."""
+    """The gradient with respect to the data. It receives the data only to refuse second derivatives. `mapped`: for each
+    axis that a vmap has added, the outermost first, whether the solution has it too."""
 
     @staticmethod
     def forward(solved: common.Solved, mapped: tuple, shapes: common.Shapes, *given: torch.Tensor | None) -> tuple:
@@ -70,7 +70,7 @@ class _Gradient(torch.autograd.Function):
         outputs = [(v, d) for v, d in zip(given[:3], dims) if v is not None]
         most = max(v.ndim - 2 - (d is not None) for v, d in outputs)
         of = (_scenes_first(v, d, most + 2) for v, d in outputs)
-        # Each of the scenes has its own gradient, also by data that all share.
+        # Each scene has its own gradient, also with respect to shared data.
         wanted = tuple(
             None if s is None else (info.batch_size, *(1,) * (most + common.AXES[name] - len(s)), *s)
             for name, s in zip(common.DATA, shapes)
@@ -85,7 +85,7 @@ def _array(v: torch.Tensor) -> Any:
 
 
 def _scenes_first(v: torch.Tensor, dim: int | None, axes: int) -> torch.Tensor:
-    """With an axis of the scenes before the `axes` that one has at most; of length 1 where all share v."""
+    """v with an axis of scenes before the `axes` axes of one scene; its length is 1 where all scenes share v."""
     v = v[None] if dim is None else v.movedim(dim, 0)
     return v.reshape(v.shape[0], *(1,) * (axes + 1 - v.ndim), *v.shape[1:])
 

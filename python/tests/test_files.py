@@ -13,6 +13,10 @@ import pytest
 ARRAYS = ("t", "y", "w", "x")
 
 
+# That of the build, which writes all formats; that of the package leaves HDF5 and NPZ to Python.
+COMMAND = [os.environ["BROMWICH_COMMAND"]] if os.environ.get("BROMWICH_COMMAND") else [sys.executable, "-m", "bromwich"]
+
+
 @pytest.fixture
 def result(diode):
     return bromwich.solve(**diode, g=lambda t: -np.sin(3 * t), steps=200)
@@ -22,11 +26,8 @@ def result(diode):
 def written(tmp_path_factory):
     """What the command writes, in all formats."""
     folder = tmp_path_factory.mktemp("written")
-    # The command of the build, which writes all formats; that of the package leaves HDF5 and NPZ to Python.
-    command = os.environ.get("BROMWICH_COMMAND") or [sys.executable, "-m", "bromwich"]
-    command = [command] if isinstance(command, str) else command
     for extension in ("csv", "h5", "npz", "vtkhdf"):
-        line = [*command, "solve", "signorini", "--set", "Q=5", "--steps", "60", "--states", "all", "--out", f"r.{extension}"]
+        line = [*COMMAND, "solve", "signorini", "--set", "Q=5", "--steps", "60", "--states", "all", "--out", f"r.{extension}"]
         run = subprocess.run(line, cwd=folder, capture_output=True, text=True)
         if run.returncode != 0:
             assert "which this build does not have" in run.stderr
@@ -39,6 +40,15 @@ def read(folder, extension):
     if not (folder / f"r.{extension}").exists():
         pytest.skip(f"the command of this build writes no .{extension}")
     return bromwich.load(folder / f"r.{extension}")
+
+
+def test_the_summary_names_the_files(tmp_path):
+    files = ["r.csv", "s.csv", "r.html"]
+    options = zip(("--out", "--switches", "--report"), files)
+    line = [*COMMAND, "solve", "dlcp-small", "--steps", "40", *(word for pair in options for word in pair)]
+    run = subprocess.run(line, cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert run.stdout.splitlines()[-1].split(maxsplit=1) == ["output", ", ".join(files)]
+    assert all((tmp_path / name).stat().st_size > 0 for name in files)
 
 
 @pytest.mark.parametrize("extension", ["npz", "h5", "csv"])

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -77,7 +78,7 @@ def test_the_widest_that_fits(monkeypatch):
         assert _load.chosen() == expected
     monkeypatch.setattr(_load, "_level", lambda: 3)
     monkeypatch.setenv("BROMWICH_VECTORS", "avx512")
-    with pytest.raises(ImportError, match="this processor has not"):
+    with pytest.raises(ImportError, match="this processor does not have"):
         _load.chosen()
     monkeypatch.setattr(_load, "_file", lambda name: None if name == "avx2" else Path(name))
     monkeypatch.delenv("BROMWICH_VECTORS")
@@ -180,8 +181,26 @@ except bromwich.DeviceError as error:
 """
     lines = run(code).stdout.splitlines()
     assert "available=False" in lines[0] and "cannot be loaded" in lines[0] and "_cuda.so" in lines[0]
+    assert "needs libcudart, libcublas and libcufft" in lines[0]
     assert lines[1] == "solved"
     assert lines[2].startswith("backend: found 'cuda' but the CUDA backend cannot be loaded")
+
+
+def test_a_wrong_cuda_library(tmp_path):
+    """A file in the place of libcudart that is none: named, and only where a device is wanted."""
+    plugin = _load.HERE / "_cuda.so"
+    if not plugin.exists():
+        pytest.skip("this package has no CUDA backend")
+    needed = re.search(rb"libcudart\.so\.\d+", plugin.read_bytes())[0].decode()
+    (tmp_path / needed).write_bytes(b"no shared object")
+    code = """
+import bromwich
+print(bromwich.solve(bromwich.scene("dlcp-small"), steps=20).status)
+print(bromwich.backends()["cuda"])
+"""
+    found = run(code, LD_LIBRARY_PATH=str(tmp_path)).stdout.splitlines()
+    assert found[0] == "solved"
+    assert "available=False" in found[1] and str(tmp_path / needed) in found[1] and "needs libcudart" in found[1]
 
 
 def test_a_shared_object_that_is_no_plugin():

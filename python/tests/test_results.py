@@ -111,6 +111,7 @@ def test_plot(result, tmp_path, Q15):
     import matplotlib.pyplot as plt
 
     x, y = result.plot()
+    assert x.get_title() == ""  # the scene has no name
     np.testing.assert_array_equal(y.lines[0].get_ydata(), result.y[:, 0])
     assert y.get_xlabel() == "t"
     assert result.plot("w").get_ylabel() == "w"
