@@ -55,6 +55,29 @@ TEST(FunctionalIteration, DoesNotConvergeWhereItMustNot) {
             same_problem);
 }
 
+// M = tridiag(-1, 1, -1) with the sign of the neighbours turned where n asks for no class: M y + q >= 0 with q < 0
+// needs y_i > y_{i+1} > y_i, so that no y solves a problem whose q is below 0. The sweeps end by then, and not after
+// hundreds: at t = 0 before the first one, later after eight in which no row settles.
+TEST(FunctionalIteration, ProblemsThatStayUnsolvedEndIt) {
+  constexpr Index n = 40;
+  Scene scene;
+  scene.name = "no class";
+  scene.dynamics = DenseDynamics{Matrix(-Matrix::Identity(n, n)), Matrix(0.01 * Matrix::Identity(n, n)),
+                                 Matrix(Matrix::Identity(n, n))};
+  Matrix M = Matrix::Identity(n, n);
+  for (Index i = 0; i + 1 < n; ++i) M(i, i + 1) = M(i + 1, i) = -1;
+  scene.M = M;
+  scene.x0 = Vector::Zero(n);
+  scene.T = 1;
+  for (const double start : {-0.2, 0.2}) {
+    scene.g = [start](double t, Eigen::Ref<Vector> g) { g.setConstant(start - t); };
+    const Result r = run(scene, options_for(Method::contour, 64));
+    EXPECT_NE(r.status, Status::solved);
+    EXPECT_LE(r.iterations, 24) << start << ": " << r.reason;  // rows up to t = 0.2 settle in a few sweeps
+    EXPECT_FALSE(r.reason.empty());
+  }
+}
+
 // Transients of the iteration can be many orders above the solution: settled rows are judged by their own size.
 TEST(FunctionalIteration, SurvivesLargeTransients) {
   for (const double omega : {5.0, 8.0, 10.0}) {
