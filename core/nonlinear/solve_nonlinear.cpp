@@ -147,7 +147,7 @@ void compare_with_half_the_step(const NonlinearResult& fine, const std::string& 
   if (!solved || !(std::max(x.mean, y.mean) <= most_mean_change) || !(x.typical <= most_typical_change)) {
     result.status = Status::tolerance_not_met;
     result.reason = why + (solved ? ", and with half the step another result comes out; use more steps"
-                                  : ", and with half the step it is not solved: " + fine.reason);
+                                  : ", and with half the step it is not solved (" + fine.reason + "); use more steps");
   } else if (!(*result.error_estimate <= reported)) {
     result.warning += text("%s%s: the error is about %.0f %%; use more steps, or a tolerance",
                            result.warning.empty() ? "" : "; ", why.c_str(), 100 * *result.error_estimate);

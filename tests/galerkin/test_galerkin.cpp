@@ -299,8 +299,8 @@ TEST(Galerkin, AContactInsideAnIntervalIsNamedWithAnyNumberOfStates) {
   for (const Index m : {2, 80}) {
     Scene scene;
     scene.name = "short contact";
-    scene.dynamics =
-        DenseDynamics{Matrix(-Vector::LinSpaced(m, 1, double(m)).asDiagonal()), Matrix::Ones(m, 1), Matrix::Zero(1, m)};
+    const Vector decay = -Vector::LinSpaced(m, 1, double(m));
+    scene.dynamics = DenseDynamics{Matrix(decay.asDiagonal()), Matrix::Ones(m, 1), Matrix::Zero(1, m)};
     scene.M = Matrix{{1}};
     scene.g = [](double t, Eigen::Ref<Vector> g) { g[0] = t >= 0.505 && t < 0.515 ? -1 : 1; };
     scene.breakpoints = {0.505, 0.515};

@@ -55,9 +55,9 @@ TEST(FunctionalIteration, DoesNotConvergeWhereItMustNot) {
             same_problem);
 }
 
-// M = tridiag(-1, 1, -1) with the sign of the neighbours turned where n asks for no class: M y + q >= 0 with q < 0
-// needs y_i > y_{i+1} > y_i, so that no y solves a problem whose q is below 0. The sweeps end by then, and not after
-// hundreds: at t = 0 before the first one, later after eight in which no row settles.
+// M = tridiag(-1, 1, -1) is of no class. With q < 0, w >= 0 would need y_i > y_{i+1} > y_i: no y solves the problem.
+// The sweeps end by then, and not after hundreds: at t = 0 before the first one, later after eight in which no row
+// settles.
 TEST(FunctionalIteration, ProblemsThatStayUnsolvedEndIt) {
   constexpr Index n = 40;
   Scene scene;

@@ -86,7 +86,9 @@ TEST(Doubts, NoLargeErrorIsSilent) {
         }
         // Two grids of order 1 to 2 that differ by d: the coarser one is off by d 4/3 to 2 d; a factor of 3 is left for
         // contacts, which fall differently on the two grids.
-        if (r.error_estimate) EXPECT_GT(*r.error_estimate, error / 6) << mu << " " << J;
+        if (r.error_estimate) {
+          EXPECT_GT(*r.error_estimate, error / 6) << mu << " " << J;
+        }
       }
   EXPECT_GT(large, 0);  // of the kind that used to be silent
 }
