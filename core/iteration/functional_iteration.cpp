@@ -21,9 +21,8 @@ namespace {
 /// An iterate may be infeasible temporarily (Theorem 3.2 bounds only short horizons). After this many sweeps in which
 /// no further row settled, it is considered permanent.
 constexpr Index most_infeasible_sweeps = 40;
-/// With a problem that no solver solves the iteration cannot end, and all solvers are tried on it, sweep for sweep. So
-/// many sweeps in which no further row settled are enough, or so many operations, n^3 a problem: a few seconds.
-constexpr Index most_unsolved_sweeps = 8;
+/// Likewise problems that stay unsolved: all solvers are tried on them in every sweep. In small ones that costs little,
+/// and iterates may come back from it; in large ones n^3 operations a problem are a few seconds together.
 constexpr double most_unsolved_work = 1e10;
 
 // Monitors the sweeps and decides when to stop.
@@ -49,7 +48,7 @@ class Watch {
                               report.infeasible};
     unsolved_for_ = report.count.unsolved > 0 && !advanced ? unsolved_for_ + 1 : 0;
     unsolved_work_ += double(report.count.unsolved) * std::pow(double(p.scene.constraints()), 3);
-    if (unsolved_for_ >= most_unsolved_sweeps || (unsolved_work_ > most_unsolved_work && unsolved_for_ > 1))
+    if (unsolved_for_ >= most_infeasible_sweeps || (unsolved_work_ > most_unsolved_work && unsolved_for_ > 1))
       return IterationOutcome{
           Status::tolerance_not_met,
           text("%ld complementarity problems stay unsolved, sweep for sweep; use method march", report.count.unsolved),
