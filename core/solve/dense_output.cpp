@@ -5,11 +5,8 @@
 #include "core/galerkin/recovery.hpp"
 #include "core/kernel/discretise.hpp"
 #include "core/kernel/states.hpp"
-#include "core/kernel/step_defects.hpp"
-#include "core/scene/breakpoints.hpp"
 #include "core/scene/mass_matrix.hpp"
 #include "core/scene/port_hamiltonian.hpp"
-#include "core/solve/methods.hpp"
 #include "core/solve/mixed.hpp"
 
 #include <algorithm>
@@ -56,52 +53,10 @@ Matrix states_before(const Scene& scene, Backend& backend, const Result& result,
   return states_at(scene, backend, result, rows);
 }
 
-// Whether y is no line between a row and the next: the active set changes there, a source jumps or has a kink, or the
-// step was taken in parts.
-class Bends {
- public:
-  Bends(const Scene& scene, const Result& result) : result_(result), h_(scene.T / double(result.steps)) {
-    known_ = Methods::has_small_dense_state(scene);
-    if (known_) breaks_ = scene.breakpoints_are_all ? scene.breakpoints : find_breakpoints(scene);
-  }
-  bool inside(Index row) const {
-    if (!known_) return false;
-    if (((result_.y.row(row).array() > 0) != (result_.y.row(row + 1).array() > 0)).any()) return true;
-    const auto next = std::lower_bound(breaks_.begin(), breaks_.end(), double(row) * h_);
-    if (next != breaks_.end() && *next <= double(row + 1) * h_) return true;
-    return result_.defects && std::binary_search(result_.defects->steps.begin(), result_.defects->steps.end(), row + 1);
-  }
-
- private:
-  const Result& result_;
-  double h_;
-  bool known_ = false;
-  std::vector<double> breaks_;
-};
-
-// Row k of a result in such a step: one of the length that is left, from the state x before it. False if it is not
-// solved.
-bool sample_by_a_step(const Scene& scene, Backend& backend, const Place& at, const Vector& x, Index k,
-                      Result& sampled) {
-  const double h = scene.T / double(sampled.steps);
-  Options options;
-  options.method = sampled.method == Method::events ? Method::events : Method::march;
-  options.steps = 1;
-  options.states = StateSelection::all;
-  options.trace = sampled.trace.cols() > 0;
-  const Result one = solve(part_of(scene, double(at.row) * h, at.part * h, x), backend, options);
-  if (one.status != Status::solved || !one.continuous) return false;
-  sampled.y.row(k) = one.y.row(1);
-  sampled.x.row(k) = one.x.row(1)(sampled.x_components);
-  if (options.trace) sampled.trace.row(k) = one.trace.row(1);
-  return true;
-}
-
 // y and x of a result with continuous y, linear between its time points, or of its time points alone.
 void sample(const Scene& scene, Backend& backend, const Result& result, const std::vector<Place>& places,
             Result& sampled) {
   const double h = scene.T / double(result.steps);
-  const Bends bends(scene, result);
   Index valid = 1;  // rows of y that are; y_0 may be open where the rest is known
   while (valid < result.y.rows() && result.y.row(valid).allFinite()) ++valid;
   std::vector<Index> between;
@@ -111,7 +66,7 @@ void sample(const Scene& scene, Backend& backend, const Result& result, const st
     sampled.y.row(k) = y_at(result.y, at).transpose();
     if (at.part == 0) {
       sampled.x.row(k) = result.x.row(at.row);
-    } else if (at.row + 1 < valid && (sampled.x.cols() > 0 || bends.inside(at.row))) {
+    } else if (sampled.x.cols() > 0 && at.row + 1 < valid) {
       between.push_back(k);
       there.push_back(at);
     }
@@ -120,8 +75,6 @@ void sample(const Scene& scene, Backend& backend, const Result& result, const st
   const Matrix before = states_before(scene, backend, result, there);
   for (std::size_t i = 0; i < between.size(); ++i) {
     const Place& at = there[i];
-    if (bends.inside(at.row) && sample_by_a_step(scene, backend, at, before.col(Index(i)), between[i], sampled))
-      continue;
     const Vector x = carried(scene, backend, result.y, before.col(Index(i)), double(at.row) * h, at.part * h, at);
     sampled.x.row(between[i]) = x(result.x_components);
     if (sampled.trace.cols() > 0) sampled.trace.row(between[i]) = observe(scene.dynamics, x).transpose();

@@ -73,31 +73,6 @@ TEST(DenseOutput, HasTheOrderOfTheMethod) {
   EXPECT_LE(errors[1], errors[0] / 10);  // 16 if the times lie alike within their steps
 }
 
-// x' = -x + y, w = y + g, so that y = max(0, -g): a step at 0.4321, and a kink. Between rows y is that of the time, and
-// x is exact where y is constant on both sides, and off by no more than what y bends by in the step at the kink.
-TEST(DenseOutput, FollowsJumpsAndKinksInsideAStep) {
-  const auto backend = make_cpu_backend(1);
-  constexpr double a = 0.4321, h = 0.01;
-  const std::vector<double> times{0.4302, a - 1e-7, a + 1e-7, 0.4345, 0.4399, 0.7654};
-  for (const bool kink : {false, true}) {
-    Scene scene;
-    scene.dynamics = DenseDynamics{Matrix{{-1}}, Matrix{{1}}, Matrix{{0}}};
-    scene.M = Matrix{{1}};
-    scene.g = [=](double t, Eigen::Ref<Vector> g) { g[0] = kink ? a - t : t < a ? 1 : -1; };
-    scene.x0 = Vector::Zero(1);
-    scene.T = 1;
-    const Result result = solve(scene, *backend, with_states(100));
-    ASSERT_EQ(result.status, Status::solved) << result.reason;
-    const Result between = at_times(scene, *backend, result, times);
-    for (std::size_t k = 0; k < times.size(); ++k) {
-      const double s = std::max(0.0, times[k] - a), y = kink ? s : s > 0 ? 1 : 0;
-      const double x = kink ? s - 1 + std::exp(-s) : 1 - std::exp(-s);
-      EXPECT_NEAR(between.y(Index(k), 0), y, 1e-9) << times[k];
-      EXPECT_NEAR(between.x(Index(k), 0), x, kink ? h * h : 1e-9) << times[k];
-    }
-  }
-}
-
 TEST(DenseOutput, RefusesWhatItCannotKnow) {
   const Scene scene = make_scene("bridge");
   const auto backend = make_cpu_backend(1);
