@@ -42,6 +42,7 @@ class Substitution {
     return scale_;
   }
   double start() const { return of(p_.start); }
+  double scale() const { return p_.start == 0 && two() ? p_.high - p_.low : scale_; }
   // Of a multiple of the start; none outside of the bounds, or of 0.
   std::optional<double> scaled(double factor) const {
     const double p = factor * p_.start;
@@ -192,9 +193,9 @@ class Problem {
   }
 
  private:
-  // p with component i a step below and above.
-  static std::pair<Vector, Vector> around(const Vector& p, Index i) {
-    const double d = difference * std::max(std::abs(p[i]), 1e-6 * p.cwiseAbs().maxCoeff() + 1e-290);
+  // p with component i a step below and above. Parameters have units of their own: none says how large another is.
+  std::pair<Vector, Vector> around(const Vector& p, Index i) const {
+    const double d = difference * std::max(std::abs(p[i]), 1e-3 * by_[std::size_t(i)].scale());
     std::pair<Vector, Vector> both(p, p);
     both.first[i] -= d;
     both.second[i] += d;

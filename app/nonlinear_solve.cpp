@@ -69,6 +69,7 @@ std::vector<Switch> NonlinearRun::switches() const {
   if (found.empty() || result_.status != Status::solved || steps < 2) return found;
   NonlinearOptions half = options_;
   half.error = 0;
+  half.confirm = false;
   half.steps = steps / 2;
   const NonlinearResult coarse = solve_nonlinear(*choice_.system, backend_, half);
   const double h = choice_.scene.T / double(steps);

@@ -8,6 +8,8 @@
 #include "core/kernel/ringing.hpp"
 #include "core/kernel/weight_check.hpp"
 #include "core/lcp/active_set.hpp"
+#include "core/lcp/lcp_class.hpp"
+#include "core/march/outcome.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -19,6 +21,9 @@ namespace {
 /// An iterate may be infeasible temporarily (Theorem 3.2 bounds only short horizons). After this many sweeps in which
 /// no further row settled, it is considered permanent.
 constexpr Index most_infeasible_sweeps = 40;
+/// Likewise problems that stay unsolved: all solvers are tried on them in every sweep. In small ones that costs little,
+/// and iterates may come back from it; in large ones n^3 operations a problem are a few seconds together.
+constexpr double most_unsolved_work = 1e10;
 
 // Monitors the sweeps and decides when to stop.
 class Watch {
@@ -41,6 +46,13 @@ class Watch {
       return IterationOutcome{Status::tolerance_not_met,
                               text("the iterate is infeasible from t = %.6g on", p.t[report.infeasible]),
                               report.infeasible};
+    unsolved_for_ = report.count.unsolved > 0 && !advanced ? unsolved_for_ + 1 : 0;
+    unsolved_work_ += double(report.count.unsolved) * std::pow(double(p.scene.constraints()), 3);
+    if (unsolved_for_ >= most_infeasible_sweeps || (unsolved_work_ > most_unsolved_work && unsolved_for_ > 1))
+      return IterationOutcome{
+          Status::tolerance_not_met,
+          text("%ld complementarity problems stay unsolved, sweep for sweep; use method march", report.count.unsolved),
+          -1};
     if (stuck_ >= 200)
       return IterationOutcome{
           Status::tolerance_not_met,
@@ -57,8 +69,8 @@ class Watch {
             report.infeasible};
   }
 
-  double tolerance_, best_ = INFINITY;
-  Index stuck_ = 0, infeasible_for_ = 0;
+  double tolerance_, best_ = INFINITY, unsolved_work_ = 0;
+  Index stuck_ = 0, infeasible_for_ = 0, unsolved_for_ = 0;
 };
 
 void count(const LcpReport& report, double seconds, Result& result) {
@@ -228,15 +240,19 @@ class PreparedIteration final : public PreparedMethod {
     for (auto* array : {&y_, &v_, &r_}) *array = p_.backend.array(rows, n);
     lcp_ = p_.backend.lcp(p_.scene.M, p_.lcp_class, rows);
     respond();
+    if (!selects_one(p_.lcp_class)) at_zero_.emplace(p_);
   }
 
   void renew(const Changes& changes) override {
     if (changes.any()) respond();
+    if (changes.any() && at_zero_) at_zero_->renew();
   }
 
   void run(const Options& options, Result& result) override {
     result.kernel = plan_.description;
     result.kernel_error = std::isnan(plan_.error) ? NAN : std::max(plan_.error, error_of_x0_);
+    Vector y0;
+    if (at_zero_ && at_zero_->solve(result, y0) == Start::none) return;  // no sweep changes this problem
     // It starts with v = 0 and y = 0, like new arrays.
     for (Array* array : {v_.get(), y_.get()})
       if (used_) p_.backend.add(*r_, -1, *r_, *array);
@@ -262,6 +278,7 @@ class PreparedIteration final : public PreparedMethod {
   bool used_ = false;  ///< the arrays contain a previous run
   std::unique_ptr<Array> y_, v_, r_;
   std::unique_ptr<LcpBatch> lcp_;
+  std::optional<ProblemAtZero> at_zero_;  ///< where M does not say that it has a solution
 };
 
 }  // namespace

@@ -38,7 +38,9 @@ struct NonlinearOptions {
   /// until it is reached. 0: one grid.
   double error = 0;
   Index max_steps = Index(1) << 18;  ///< of the finest grid
-  bool concurrent = false;           ///< several threads may call phi, gamma and their derivatives at once
+  /// Of one grid: half the step confirms a result of which its own steps raise doubts (doubts.hpp).
+  bool confirm = true;
+  bool concurrent = false;  ///< several threads may call phi, gamma and their derivatives at once
   std::function<bool()> interrupted = {};
 };
 

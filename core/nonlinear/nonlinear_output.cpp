@@ -141,6 +141,7 @@ Result as_result(const NonlinearScene& scene, const NonlinearResult& given) {
   Result r;
   r.status = given.status;
   r.reason = given.reason;
+  r.warning = given.warning;
   r.t = given.t;
   r.y = given.y;
   r.x = given.x;

@@ -63,6 +63,7 @@ void NonlinearRun::solve_linear() {
   Result linear = solve(stated_, backend_, options);
   result_.status = linear.status;
   result_.reason = linear.reason;
+  result_.warning = linear.warning;
   result_.continuous = linear.continuous;
   result_.solves = 1;
   if (linear.y.rows() != J_ + 1) return;

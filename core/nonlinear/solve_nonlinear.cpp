@@ -1,10 +1,13 @@
 #include "core/nonlinear/solve_nonlinear.hpp"
 
+#include "core/accuracy/magnification.hpp"
 #include "core/base/error.hpp"
 #include "core/base/text.hpp"
 #include "core/nonlinear/divided_step.hpp"
+#include "core/nonlinear/doubts.hpp"
 #include "core/nonlinear/nonlinear_run.hpp"
 #include "core/scene/breakpoints.hpp"
+#include "core/scene/coarse_sources.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -110,6 +113,64 @@ NonlinearResult refine(const NonlinearScene& scene, const Scene& given, const st
   }
 }
 
+// The integral of y by the quadrature of the steps.
+RowMatrix integral_of_y(const NonlinearResult& r) {
+  Result as_linear;
+  as_linear.t = r.t;
+  as_linear.y = r.y;
+  as_linear.continuous = r.continuous;
+  return bromwich::integral_of_y(as_linear);
+}
+
+// The limits of core/solve/certification.cpp, where half the step confirms a linear scene.
+constexpr double most_mean_change = 0.1;      ///< of x and of the integral of y
+constexpr double most_typical_change = 0.05;  ///< of x at 95 of 100 time points
+constexpr double reported = 0.01;             ///< an error above it is
+
+void compare_with_half_the_step(const NonlinearResult& fine, const std::string& why, NonlinearResult& result) {
+  if (fine.status == Status::interrupted) {
+    result.status = fine.status;
+    result.reason = fine.reason;
+    return;
+  }
+  const bool solved = fine.status == Status::solved;
+  Change x, y;
+  if (solved) {
+    const Index J = result.t.size() - 1;
+    const RowMatrix coarse = integral_of_y(result), halved = integral_of_y(fine);
+    x = change_when_halved(result.x, fine.x, J);
+    y = change_when_halved(coarse, halved, J);
+    const double of_y = result.continuous ? apart(result.y, fine.y) : apart(coarse, halved);
+    const double order = result.continuous ? 4.0 / 3 : 2;  // 2^p / (2^p - 1): of the coarser grid
+    result.error_estimate = order * std::max(apart(result.x, fine.x), of_y);
+  }
+  if (!solved || !(std::max(x.mean, y.mean) <= most_mean_change) || !(x.typical <= most_typical_change)) {
+    result.status = Status::tolerance_not_met;
+    result.reason = why + (solved ? ", and with half the step another result comes out; use more steps"
+                                  : ", and with half the step it is not solved (" + fine.reason + "); use more steps");
+  } else if (!(*result.error_estimate <= reported)) {
+    result.warning += text("%s%s: the error is about %.0f %%; use more steps, or a tolerance",
+                           result.warning.empty() ? "" : "; ", why.c_str(), 100 * *result.error_estimate);
+  }
+}
+
+// Steps that are given: sources that they do not follow are named, and half the step confirms what is in doubt. What
+// the engine of linear scenes has solved, it has looked at itself; large scenes are looked at as little as by it.
+NonlinearResult solve_on_one_grid(const NonlinearScene& scene, const Scene& given, const std::vector<double>& breaks,
+                                  Backend& backend, NonlinearOptions options) {
+  NonlinearResult result = NonlinearRun(scene, given, breaks, backend, options).run();
+  const bool by_linear_scene = result.newton + result.windows + result.marched == 0;
+  if (!options.confirm || result.status != Status::solved || by_linear_scene) return result;
+  result.warning = warning_of(find_coarse_sources(scene.linear, result.t));
+  if (result.trace.size() > 0 || !scene.linear.dynamics->small_state()) return result;
+  const std::string why = doubts_of(scene, result, breaks);
+  if (why.empty()) return result;
+  options.steps = 2 * (result.t.size() - 1);
+  const NonlinearResult fine = NonlinearRun(scene, given, breaks, backend, options).run();
+  compare_with_half_the_step(fine, why, result);
+  return result;
+}
+
 }  // namespace
 
 NonlinearResult solve_nonlinear(const NonlinearScene& scene, Backend& backend, const NonlinearOptions& options) {
@@ -127,7 +188,7 @@ NonlinearResult solve_nonlinear(const NonlinearScene& scene, Backend& backend, c
   const NonlinearScene stated = in_states(scene);
   const std::vector<double> breaks = breaks_of(stated.linear);
   return options.error > 0 ? refine(stated, scene.linear, breaks, backend, options)
-                           : NonlinearRun(stated, scene.linear, breaks, backend, options).run();
+                           : solve_on_one_grid(stated, scene.linear, breaks, backend, options);
 }
 
 }  // namespace bromwich

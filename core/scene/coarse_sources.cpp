@@ -1,5 +1,6 @@
 #include "core/scene/coarse_sources.hpp"
 
+#include "core/base/text.hpp"
 #include "core/scene/source_steps.hpp"
 
 #include <algorithm>
@@ -108,6 +109,14 @@ CoarseSources find_coarse_sources(const Scene& scene, const Vector& t) {
   const CoarseSources f = Looks(scene.f, scene.f ? scene.sources() : 0, scene.breakpoints, t).run(),
                       g = Looks(scene.g, scene.g ? scene.constraints() : 0, scene.breakpoints, t).run();
   return f.missed > g.missed ? f : g;
+}
+
+std::string warning_of(const CoarseSources& coarse) {
+  if (coarse.missed == 0) return "";
+  return text(
+      "f or g changes too fast for these steps: inside of one (t = %.6g) it is off the straight line between "
+      "its ends by %.0f %% of its size: use more steps",
+      coarse.time, 100 * coarse.missed);
 }
 
 }  // namespace bromwich

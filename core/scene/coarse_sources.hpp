@@ -5,6 +5,8 @@
 
 #include "scene.hpp"
 
+#include <string>
+
 namespace bromwich {
 
 struct CoarseSources {
@@ -16,5 +18,8 @@ struct CoarseSources {
 /// those in which the source jumps, do not count: methods find them. Empty unless one sample of eight misses more than
 /// 0.15 of the size.
 CoarseSources find_coarse_sources(const Scene&, const Vector& t);
+
+/// The warning for a user; empty if nothing is missed.
+std::string warning_of(const CoarseSources&);
 
 }  // namespace bromwich

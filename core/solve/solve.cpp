@@ -79,9 +79,7 @@ void report_coarse_sources(const Scene& scene, const Options& options, Result& r
   const CoarseSources coarse = find_coarse_sources(scene, result.t);
   if (coarse.missed == 0) return;
   result.unresolved_sources = std::max(result.unresolved_sources, coarse.missed);
-  add_warning(result, text("f or g changes too fast for these steps: inside of one (t = %.6g) it is off the straight "
-                           "line between its ends by %.0f %% of its size: use more steps",
-                           coarse.time, 100 * coarse.missed));
+  add_warning(result, warning_of(coarse));
 }
 
 }  // namespace

@@ -62,7 +62,8 @@ void check_event_location(const Scene& scene, const Options& options) {
 // intervals, method march, which takes such steps in parts, says how much that matters.
 bool compare_with_march(const Scene& scene, Backend& backend, const InnerOptions& options, const Solve& solve,
                         const RowMatrix& x, Result& result) {
-  if (result.rough_steps == 0 || !scene.free_rows.empty() || !Methods::has_small_dense_state(scene)) return false;
+  if (result.rough_steps == 0 || !scene.free_rows.empty()) return false;
+  if (scene.boundary && !Methods::has_small_dense_state(scene)) return false;  // all states are needed in between
   const Result march = beside_march(scene, backend, options, solve, result, x);
   const std::string where = text("f or g jumps or changes fast inside %ld of %ld intervals, where y is linear",
                                  long(result.rough_steps), long(result.steps));

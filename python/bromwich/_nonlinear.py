@@ -22,14 +22,14 @@ class NonlinearResult:
     """The result of :func:`solve_nonlinear`.
 
     Attributes:
-        status, reason: as in :class:`Result`.
+        status, reason, warning: as in :class:`Result`.
         t: J+1 times.
         x, y, w: (J+1) x m, n and n; NaN after the last valid time.
         trace: (J+1) x n, v = N x in place of x, with ``of="trace"`` in scenes that are not dense; otherwise empty.
         continuous: whether y is linear between its rows; otherwise it may jump from step to step.
         residual: max |min(y, w)| / max(1, |w - M y|) at the time points.
         defect: of the discrete equation of x, relative to max(1, |x|).
-        error_estimate: with ``tol``; otherwise None.
+        error_estimate: with ``tol``, and where half the step was solved to confirm a result; otherwise None.
         method: ``"march"``, ``"iteration"``, ``"newton"`` or ``"pointwise"``.
         newton, solves, windows, marched: Newton iterations, linear solves, windows of the iteration, marched steps.
         contraction: the largest one of an accepted window.
@@ -40,8 +40,8 @@ class NonlinearResult:
         self._answer = answer
         self.status = Status(answer.status)
         for name in (
-            "reason t x y w trace continuous residual defect error_estimate method newton solves windows marched "
-            "contraction backend"
+            "reason warning t x y w trace continuous residual defect error_estimate method newton solves windows "
+            "marched contraction backend"
         ).split():
             setattr(self, name, getattr(answer, name))
 

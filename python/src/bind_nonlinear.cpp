@@ -161,6 +161,7 @@ void bind_nonlinear(nb::module_& m) {
   nb::class_<NonlinearAnswer>(m, "NonlinearAnswer", "Result of a nonlinear system.")
       .def_prop_ro("status", [](const NonlinearAnswer& a) { return std::string(to_string(a.result.status)); })
       .def_prop_ro("reason", [](const NonlinearAnswer& a) { return a.result.reason; })
+      .def_prop_ro("warning", [](const NonlinearAnswer& a) { return a.result.warning; })
       .def_prop_ro("t", [of](Self self) { return view(of(self).t, self); })
       .def_prop_ro("x", [of](Self self) { return view(of(self).x, self); })
       .def_prop_ro("y", [of](Self self) { return view(of(self).y, self); })

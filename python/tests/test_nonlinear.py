@@ -176,3 +176,12 @@ def test_functions_of_the_trace():
     of_x = bromwich.solve_nonlinear(**scene, phi=lambda t, x, y: -2 * x**3)
     of_v = bromwich.solve_nonlinear(**scene, phi=lambda t, v, y: -(v**3), of="trace")
     np.testing.assert_allclose(of_v.x, of_x.x, atol=1e-9)  # derivatives by differences
+
+
+def test_doubtful_steps_are_named():
+    """A stop 10^4 times stiffer than the spring, met for less than a step of 1/5."""
+    fine = bromwich.solve_nonlinear(**SCENE, phi=spring, steps=2000)
+    assert fine.ok and fine.warning == "" and fine.error_estimate is None
+    stiff = dict(SCENE, M=1e-4)
+    coarse = bromwich.solve_nonlinear(**stiff, phi=spring, steps=30)
+    assert (not coarse.ok and "more steps" in coarse.reason) or "more steps" in coarse.warning

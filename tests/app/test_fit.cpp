@@ -70,6 +70,17 @@ TEST(Fit, FindsTheParametersFromThreeTimesAway) {
   }
 }
 
+// Units of the parameters that are 1e18 apart say nothing about each other.
+TEST(Fit, ParametersMayHaveAnyUnits) {
+  for (const auto& [of_R, of_C] : {std::pair(1e-9, 1e9), {1e9, 1e-9}}) {
+    const auto in_units = [r = of_R, c = of_C](const Vector& p) { return circuit(Vector{{p[0] / r, p[1] / c}}); };
+    const Fit f = fit(in_units, {{"R", 1.2 * of_R}, {"C", 1 * of_C}}, measured(1, 0), *make_cpu_backend(1), on_grid());
+    EXPECT_TRUE(f.converged) << f.ended;
+    EXPECT_NEAR(f.p[0] / of_R, 0.8, 1e-6);
+    EXPECT_NEAR(f.p[1] / of_C, 1.3, 1e-6);
+  }
+}
+
 // Of 200 intervals of 95 % about 190 contain the truth; the standard deviation of that number is 3.1. Four of them.
 TEST(Fit, IntervalsContainTheTruthAsOftenAsTheySay) {
   int of_R = 0, of_C = 0;

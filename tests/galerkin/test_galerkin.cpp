@@ -293,6 +293,25 @@ TEST(Galerkin, BoundaryLayersDoNotOverflow) {
   }
 }
 
+// w = y + g with g = -1 for 0.01 and 1 otherwise: y = 1 for 0.01. Intervals of 1/40 see the mean of g alone, which is
+// above 0, and y = 0. With any number of states the march beside it shows that.
+TEST(Galerkin, AContactInsideAnIntervalIsNamedWithAnyNumberOfStates) {
+  for (const Index m : {2, 80}) {
+    Scene scene;
+    scene.name = "short contact";
+    const Vector decay = -Vector::LinSpaced(m, 1, double(m));
+    scene.dynamics = DenseDynamics{Matrix(decay.asDiagonal()), Matrix::Ones(m, 1), Matrix::Zero(1, m)};
+    scene.M = Matrix{{1}};
+    scene.g = [](double t, Eigen::Ref<Vector> g) { g[0] = t >= 0.505 && t < 0.515 ? -1 : 1; };
+    scene.breakpoints = {0.505, 0.515};
+    scene.x0 = Vector::Zero(m);
+    scene.T = 1;
+    const Result r = run_galerkin(scene, 40);
+    EXPECT_LT(integral_of_y(r).bottomRows(1)(0, 0), 0.005) << m;  // half of the true one
+    EXPECT_NE(r.warning.find("method march, which takes them in parts"), std::string::npos) << m << ": " << r.warning;
+  }
+}
+
 TEST(Galerkin, ToleranceChoosesTheSteps) {
   const Scene scene = make_scene("bridge", {});
   Options options = options_for(Method::galerkin, 24);

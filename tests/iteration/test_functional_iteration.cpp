@@ -55,6 +55,24 @@ TEST(FunctionalIteration, DoesNotConvergeWhereItMustNot) {
             same_problem);
 }
 
+// M = tridiag(-1, 1, -1) is of no class. With q < 0, w >= 0 would need y_i > y_{i+1} > y_i: no y solves the problem at
+// t = 0, which no sweep changes, and in which every solver is tried. It ends the iteration before the first one.
+TEST(FunctionalIteration, AProblemAtZeroWithoutASolutionEndsIt) {
+  constexpr Index n = 130;
+  Scene scene;
+  scene.name = "no class";
+  scene.dynamics = DenseDynamics{Matrix(-Matrix::Identity(n, n)), Matrix(0.01 * Matrix::Identity(n, n)),
+                                 Matrix(Matrix::Identity(n, n))};
+  scene.M = Tridiagonal{Vector::Constant(n, -1), Vector::Constant(n, 1), Vector::Constant(n, -1)};
+  scene.x0 = Vector::Zero(n);
+  scene.T = 1;
+  scene.g = [](double t, Eigen::Ref<Vector> g) { g.setConstant(-0.2 - t); };
+  const Result r = run(scene, options_for(Method::contour, 16));
+  EXPECT_NE(r.status, Status::solved);
+  EXPECT_EQ(r.iterations, 0) << r.reason;
+  EXPECT_NE(r.reason.find("t = 0"), std::string::npos) << r.reason;
+}
+
 // Transients of the iteration can be many orders above the solution: settled rows are judged by their own size.
 TEST(FunctionalIteration, SurvivesLargeTransients) {
   for (const double omega : {5.0, 8.0, 10.0}) {
