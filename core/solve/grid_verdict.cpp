@@ -141,6 +141,12 @@ bool GridRefinement::met() const {
   return (goal_.y == 0 || e.total() <= accepted * goal_.y) && (!controls_states() || e.states <= accepted * goal_.x);
 }
 
+bool GridRefinement::hangs_on_check() const {
+  if (goal_.y == 0 || solved_->steps < expected_ || solved_->steps % 4 != 0 || !judged()) return false;
+  if (controls_states() && solved_->errors->states > accepted * goal_.x) return false;
+  return convergence_->hangs_on_check(accepted * goal_.y);
+}
+
 std::optional<std::string> GridRefinement::verdict() const {
   if (solved_->steps >= expected_ && judged() && met()) return "";
   const double piece = scene_.T / double(options_.max_steps) * shortest_piece, goal = goal_.smallest();
