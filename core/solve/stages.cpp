@@ -249,7 +249,7 @@ constexpr Index smallest_sparse_with_parts = 128;
 constexpr double most_filled = 1.0 / 16;  ///< of a matrix that is factorized in much less time
 
 bool divides_sparse_steps(const Scene& scene, Method method) {
-  if (scene.breakpoints.empty() || method == Method::galerkin || method == Method::goal) return false;
+  if (scene.breakpoints.empty() || (method != Method::march && method != Method::automatic)) return false;
   const double m = double(scene.states());
   return scene.states() > smallest_sparse_with_parts &&
          double(scene.dynamics->matrices()->A.nonZeros()) <= most_filled * m * m;

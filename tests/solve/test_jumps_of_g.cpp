@@ -81,7 +81,7 @@ TEST(JumpsOfG, ModesAndSparseMatricesTakeTheSameParts) {
 TEST(JumpsOfG, RandomSparseScenesAreRight) {
   const auto backend = make_cpu_backend(1);
   Index decided = 0, solved = 0;
-  for (std::uint32_t seed = 400; seed < 460; ++seed) {
+  for (std::uint32_t seed = 400; seed < 420; ++seed) {
     const oracle::SourceScene s = oracle::source_scene(seed);
     const oracle::EventSolution truth = oracle::locate_events(s.base);
     if (!truth.decided) continue;
@@ -94,7 +94,7 @@ TEST(JumpsOfG, RandomSparseScenesAreRight) {
     const oracle::TrueError error = oracle::true_error(s, truth, r);
     EXPECT_LE(error.x, 3 * tolerance) << "seed " << seed << ", sources: " << s.sources << " at " << error.x_at;
   }
-  EXPECT_GE(decided, 45);
+  EXPECT_GE(decided, 15);
   EXPECT_GE(double(solved), 0.9 * double(decided));
 }
 
