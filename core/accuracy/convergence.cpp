@@ -16,8 +16,8 @@ constexpr double order_with_jumps = 2;  ///< of x and of the mean of y at most
 constexpr double order_with_displaced_jumps = 1.5;  ///< and scattered: at most
 constexpr double chance = 4;  ///< times the differences to three other grids: errors are not larger by chance
 
-// Where solutions are smooth: implicit Euler, piecewise-linear y (continuous, or Galerkin's), Radau IIA. Where steps may
-// have other solutions, a method goes over to one at the end of a step, and y jumps there.
+// Where solutions are smooth: implicit Euler, piecewise-linear y (continuous, or Galerkin's), Radau IIA. Where steps
+// may have other solutions, a method goes over to one at the end of a step, and y jumps there.
 double order_of(const Result& result) {
   if (by_euler(result) || !result.well_posed) return 1;
   return result.continuous || result.method == Method::galerkin ? 2 : 3;
