@@ -77,7 +77,8 @@ TEST(JumpsOfG, ModesAndSparseMatricesTakeTheSameParts) {
   EXPECT_LE(distance(in_modes.y, sparse.y), same_problem / 0.01);  // y is determined by M
 }
 
-// Random scenes with every kind of source among 600 sparse states: what is solved is right, and three of four are solved.
+// Random scenes with every kind of source among 600 sparse states: what is solved is right, and three of four are
+// solved.
 TEST(JumpsOfG, RandomSparseScenesAreRight) {
   const auto backend = make_cpu_backend(1);
   Index decided = 0, solved = 0;
