@@ -167,7 +167,7 @@ void Methods::march(const InnerOptions& options, Result& result) {
 // small enough for one of each length.
 bool Methods::divides_in_stages() const {
   if (!problem_.sources || problem_.scene.constraints() > largest_divided) return false;
-  return problem_.sources->jumps_of_g || problem_.sources->disagreement_of_g > 0;
+  return problem_.sources->jumps_of_g;
 }
 
 // Small states are recorded whole, and the requested components are taken from them.
