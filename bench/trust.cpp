@@ -3,13 +3,14 @@
 //
 //     bromwich_trust [--count 300] [--first-seed 0] [--seed K] [--method auto] [--tol 1e-3] [--steps J]
 //                    [--seconds 3] [--list all|wrong|refused|none] [--out FILE.json] [--rows all|bad]
-//                    [--jobs 1] [--until SECONDS] [--undecided solve|skip]
+//                    [--jobs 1] [--until SECONDS] [--undecided solve|skip] [--states M]
 //
 // Counts scenes solved correctly, solved wrong (an error above three times the tolerance), refused although a change of
 // the data by 1e-10 moves the solution by less than a tenth of the tolerance, and refused otherwise. Scenes that the
 // oracle cannot decide are counted separately. --seed K: one scene in detail. --steps J: fixed steps instead of a
 // tolerance, with --tol for the judgement. --jobs K: K scenes at a time. --until S: no scene is begun after S seconds;
 // the seeds that were judged are the first ones. --undecided skip: scenes that the oracle cannot decide are not solved.
+// --states M: each scene among sparse states, M in all, instead of the few dense ones (M > 512 stays sparse).
 // The exit code is 1 if a result is wrong.
 
 #include "tests/support/trust.hpp"
@@ -48,7 +49,7 @@ struct Arguments {
   bool one = false, skip_undecided = false;
   Method method = Method::automatic;
   double tolerance = 1e-3, seconds = 3, until = INFINITY;
-  Index steps = 0;
+  Index steps = 0, states = 0;
   int jobs = 1;
   std::string list = "wrong", out, rows = "bad";
 };
@@ -81,6 +82,8 @@ Arguments parse(int argc, char** argv) {
       a.rows = value;
     else if (name == "--jobs")
       a.jobs = std::max(1, std::stoi(value));
+    else if (name == "--states")
+      a.states = std::stol(value);
     else if (name == "--undecided")
       a.skip_undecided = value == "skip";
     else if (name == "--until")
@@ -133,7 +136,10 @@ Result solve_scene(const Scene& scene, Backend& backend, const Arguments& a) {
   if (a.steps == 0) options.tolerance = a.tolerance;
   const double start = now();
   options.interrupted = [start, &a] { return since(start) > a.seconds; };
-  return solve(scene, backend, options);
+  if (a.states <= scene.states()) return solve(scene, backend, options);
+  options.states = StateSelection::list;
+  for (Index i = 0; i < scene.states(); ++i) options.components.push_back(i);
+  return solve(oracle::among_sparse_states(scene, a.states), backend, options);
 }
 
 void print_scene(const oracle::SourceScene& s) {

@@ -3,6 +3,7 @@
 #include "core/result/options.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 namespace bromwich {
@@ -15,9 +16,10 @@ constexpr double order_with_jumps = 2;  ///< of x and of the mean of y at most
 constexpr double order_with_displaced_jumps = 1.5;  ///< and scattered: at most
 constexpr double chance = 4;  ///< times the differences to three other grids: errors are not larger by chance
 
-// Where solutions are smooth: implicit Euler, piecewise-linear y (continuous, or Galerkin's), Radau IIA.
+// Where solutions are smooth: implicit Euler, piecewise-linear y (continuous, or Galerkin's), Radau IIA. Where steps
+// may have other solutions, a method goes over to one at the end of a step, and y jumps there.
 double order_of(const Result& result) {
-  if (by_euler(result)) return 1;
+  if (by_euler(result) || !result.well_posed) return 1;
   return result.continuous || result.method == Method::galerkin ? 2 : 3;
 }
 
@@ -44,6 +46,18 @@ Vector relative(const RowMatrix& a, Index a_stride, const RowMatrix& b, Index b_
 
 double largest(const Vector& v) { return v.size() > 0 ? v.maxCoeff() : 0; }
 
+// By row: whether a breakpoint lies between the row and the one before, in a result whose steps are divided there.
+std::vector<bool> known_jumps(const Scene& scene, const Result& result) {
+  if (!result.defects || scene.breakpoints.empty()) return {};
+  const Index J = result.steps;
+  std::vector<bool> known(std::size_t(J) + 1);
+  const double h = scene.T / double(J), near = 1e-9;
+  for (const double b : scene.breakpoints)
+    for (Index j = Index(std::ceil(b / h - near)); j <= Index(std::floor(b / h + near)) + 1; ++j)
+      if (j >= 1 && j <= J) known[std::size_t(j)] = true;
+  return known;
+}
+
 RowMatrix mean(const Result& result) { return integral_of_y(result) / result.t[result.t.size() - 1]; }
 
 }  // namespace
@@ -62,18 +76,20 @@ Distance distance(const Result& a, Index a_stride, const Result& b, Index b_stri
           relative(a.x, a_stride, b.x, b_stride, s.of_x(b))};
 }
 
-Vector largest_jumps(const RowMatrix& y) {
+Vector largest_jumps(const RowMatrix& y, const std::vector<bool>& known) {
   Vector largest = Vector::Zero(y.cols());
   for (Index j = 3; j + 1 < y.rows(); ++j) {
+    if (!known.empty() && known[std::size_t(j)]) continue;
     const auto at_once = (y.row(j) - y.row(j - 1)).cwiseAbs(), for_good = (y.row(j + 1) - y.row(j - 2)).cwiseAbs();
     largest = largest.cwiseMax(at_once.cwiseMin(for_good).transpose());
   }
   return largest;
 }
 
-Vector largest_peaks(const RowMatrix& y) {
+Vector largest_peaks(const RowMatrix& y, const std::vector<bool>& known) {
   Vector largest = Vector::Zero(y.cols());
   for (Index j = 2; j + 1 < y.rows(); ++j) {
+    if (!known.empty() && known[std::size_t(j)] && known[std::size_t(j) + 1]) continue;
     const auto rise = (y.row(j) - y.row(j - 1)).cwiseAbs(), fall = (y.row(j) - y.row(j + 1)).cwiseAbs();
     largest = largest.cwiseMax(rise.cwiseMin(fall).transpose());
   }
@@ -88,7 +104,7 @@ Convergence::Convergence(const Scene& scene, const Result& first, ComponentSizes
       components_(std::size_t(first.x.cols()), x_),
       scene_(scene),
       sizes_(std::move(sizes)),
-      may_jump_(!first.continuous || by_euler(first) || first.jumps_inside) {}
+      may_jump_(!first.continuous || by_euler(first) || first.jumps_inside || !first.well_posed) {}
 
 void Convergence::add(const Result& coarse, const Result& fine, bool resolved) {
   const Distance d = distance(coarse, 1, fine, 2, sizes_);
@@ -100,7 +116,8 @@ void Convergence::add(const Result& coarse, const Result& fine, bool resolved) {
   erratic_ = erratic_ || (resolves && x_.changes_abruptly());
   check_.reset();
   if (!may_jump_) return;
-  const Vector jumps = largest_jumps(fine.y);
+  const std::vector<bool> known = known_jumps(scene_, fine);
+  const Vector jumps = largest_jumps(fine.y, known);
   const double steps = double(fine.steps);
   jump_.add(largest_share(jumps, sizes_.of_y(fine)));
   displaced_ = largest_share(jumps, sizes_.of_mean(fine)) / (2 * steps);
@@ -109,7 +126,7 @@ void Convergence::add(const Result& coarse, const Result& fine, bool resolved) {
     displaced_x_ = largest_share(
         Vector(scene_.T / steps * dynamics->B(fine.x_components, Eigen::all).cwiseAbs() * jumps), sizes_.of_x(fine));
   // A contact of one step leaves a row that no coarser grid has, with a y that depends on where it began.
-  jumps_ = jumps_ || (resolved && largest_share(largest_peaks(fine.y), sizes_.of_y(fine)) > smallest_peak);
+  jumps_ = jumps_ || (resolved && largest_share(largest_peaks(fine.y, known), sizes_.of_y(fine)) > smallest_peak);
   // Once is enough: later differences may be small because all jumps happen to be in the same steps.
   jumps_ = jumps_ || (resolved && ((y_.stands_still() && y_.last() > smallest_jump) ||
                                    (jump_.stands_still() && jump_.last() > smallest_jump)));
@@ -119,6 +136,10 @@ void Convergence::add(const Result& coarse, const Result& fine, bool resolved) {
 }
 
 void Convergence::check(const Result& other, const Result& fine) { check_ = distance(other, 3, fine, 4, sizes_); }
+
+bool Convergence::hangs_on_check(double goal) const {
+  return wants_check() && jumps_ && controlled().confirmed() && controlled().error() <= goal && error() > goal;
+}
 
 // What jumps that are known to within a step make, where the differences do not contradict it: that all of them are
 // small by chance is not believed.

@@ -8,7 +8,8 @@
 // the error that the jump makes. Two rules account for it. A jump s is known to within a step, so the mean is taken to
 // have an error of at least s h/(2 T). x is taken to have an error of up to |B s| h if its differences rise or fall by
 // a factor of 100 from one to the next, which shows that they are a matter of chance. (Where y holds the state on a
-// constraint, x is more accurate.) And a grid of 3J/4 steps, the check, has few time points in common with the others.
+// constraint, x is more accurate.) Jumps where sources jump are not meant, if steps are divided there. And a grid of
+// 3J/4 steps, the check, has few time points in common with the others.
 
 #include "../result/result.hpp"
 #include "../scene/scene.hpp"
@@ -50,11 +51,12 @@ Distance distance(const Result& a, Index a_stride, const Result& b, Index b_stri
 double largest_share(const Vector& v, const Vector& size);
 
 /// n: of each component the largest min(|y_j - y_{j-1}|, |y_{j+1} - y_{j-2}|), j >= 3: an impulse, one row that stands
-/// out, is no jump.
-Vector largest_jumps(const RowMatrix& y);
+/// out, is no jump. `known`, by row: jumps from the row before that are where sources jump, which do not count.
+Vector largest_jumps(const RowMatrix& y, const std::vector<bool>& known = {});
 
-/// n: of each component the largest min(|y_j - y_{j-1}|, |y_j - y_{j+1}|), j >= 2: a row that stands out.
-Vector largest_peaks(const RowMatrix& y);
+/// n: of each component the largest min(|y_j - y_{j-1}|, |y_j - y_{j+1}|), j >= 2: a row that stands out,
+/// other than between known jumps.
+Vector largest_peaks(const RowMatrix& y, const std::vector<bool>& known = {});
 
 class Convergence {
  public:
@@ -68,6 +70,8 @@ class Convergence {
   /// Whether the error of the last grid has to be compared with a grid of 3/4 of its steps; and the comparison.
   bool wants_check() const { return may_jump_ && !check_; }
   void check(const Result& other, const Result& fine);
+  /// Whether the error is below `goal` but for jumps that are known to within a step, which the check may show.
+  bool hangs_on_check(double goal) const;
 
   /// The error of the finer of the last two grids from their difference, with a margin.
   double share_of_difference() const;

@@ -202,9 +202,17 @@ void check_uniqueness(const Scene& scene, Index N, Result& result) {
   if (!unique.assured) add_warning(result, unique.words);
 }
 
-// `before`: a result on another grid, or null. `shared`: what the grids share.
+// z of known active sets on the parts of a grid, from those of its intervals on coarser grids.
+RowMatrix nested_start_on_parts(const Scene& scene, const BrokenGrid& grid, Index unknowns, Backend& backend,
+                                const Options& options, SharedDynamics& shared) {
+  const GalerkinProblem whole = galerkin_problem(scene, {{scene.T, Index(grid.kept.size()) - 1}}, shared);
+  return nested_start(scene, whole, unknowns, backend, options, shared)(grid.of, Eigen::all);
+}
+
+// `before`: a result on another grid, or null; `broken`: the intervals that the grid has divided, or null. `shared`:
+// what the grids share.
 void solve_on_grid(const Scene& scene, Backend& backend, const InnerOptions& options, SharedDynamics& shared,
-                   const std::vector<GridPart>& grid, const Result* before, Result& result) {
+                   const std::vector<GridPart>& grid, const Result* before, const BrokenGrid* broken, Result& result) {
   Timer timer;
   const GalerkinProblem p = galerkin_problem(scene, grid, shared);
   result.steps = p.N;
@@ -221,8 +229,10 @@ void solve_on_grid(const Scene& scene, Backend& backend, const InnerOptions& opt
 
   RowMatrix start;
   if (before) start = elimination.bound_part(coefficients_on(*before, p));
+  const Index unknowns = elimination.reduced().unknowns();
+  if (broken && unknowns > 0) start = nested_start_on_parts(scene, *broken, unknowns, backend, options, shared);
   GalerkinSolution s =
-      solved_problem(scene, p, elimination.reduced(), backend, options, shared, before ? &start : nullptr);
+      solved_problem(scene, p, elimination.reduced(), backend, options, shared, before || broken ? &start : nullptr);
   const GalerkinSolver again = [&](const GalerkinProblem& full, const GalerkinProblem& reduced, const RowMatrix& from) {
     return solved_problem(scene, full, reduced, backend, options, shared, &from);
   };
@@ -260,7 +270,7 @@ void solve_with_located_switches(const Scene& scene, Backend& backend, const Inn
     located.backend = result.backend;
     located.continuous = false;
     located.x_components = result.x_components;
-    solve_on_grid(scene, backend, options, shared, grid.parts, &result, located);
+    solve_on_grid(scene, backend, options, shared, grid.parts, &result, nullptr, located);
     if (located.status != Status::solved && located.status != Status::interrupted) {
       add_warning(result, "with nodes at the switches it is not solved (" + located.reason + ")");
       return;
@@ -273,6 +283,15 @@ void solve_with_located_switches(const Scene& scene, Backend& backend, const Inn
     located.lcp += result.lcp;
     result = std::move(located);
   }
+}
+
+// Whether intervals are divided at breakpoints: every length has its own phi-functions. Located switches have a grid of
+// their own, and initial values are marched by methods that divide their steps.
+bool divides_intervals(const Scene& scene, const InnerOptions& options, Index N) {
+  constexpr double most_operations = 3e9;
+  const double m = double(scene.states()), parts = 2 * double(scene.breakpoints.size());
+  return scene.boundary && !options.event_location && parts > 0 && parts <= 4 * double(N) + 64 &&
+         parts * 200 * m * m * m <= most_operations;
 }
 
 }  // namespace
@@ -295,7 +314,13 @@ Result solve_by_galerkin(const Scene& scene, Backend& backend, const InnerOption
   } else {
     GridFamily own;
     const std::shared_ptr<SharedDynamics> shared = (options.family ? *options.family : own).of(scene.dynamics);
-    solve_on_grid(scene, backend, options, *shared, {{scene.T, N}}, nullptr, result);
+    const BrokenGrid broken = divides_intervals(scene, options, N) ? divide_at_breakpoints(scene, N) : BrokenGrid();
+    if (broken.divided()) {
+      solve_on_grid(scene, backend, options, *shared, broken.parts, nullptr, &broken, result);
+      keep_nodes(broken, result);
+    } else {
+      solve_on_grid(scene, backend, options, *shared, {{scene.T, N}}, nullptr, nullptr, result);
+    }
     if (options.event_location) solve_with_located_switches(scene, backend, options, *shared, result);
   }
   Seconds& s = result.seconds;

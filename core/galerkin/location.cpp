@@ -1,11 +1,61 @@
 #include "core/galerkin/location.hpp"
 
+#include "core/kernel/step_defects.hpp"
 #include "core/result/switching.hpp"
 
 #include <algorithm>
 #include <cmath>
 
 namespace bromwich {
+
+BrokenGrid divide_at_breakpoints(const Scene& scene, Index N) {
+  constexpr double same_time = 1e-6;  // of an interval: breakpoints closer than that to a node are left to moments
+  const double h = scene.T / double(N);
+  BrokenGrid grid;
+  grid.kept.push_back(0);
+  Index whole = 0;  // intervals since the last part
+  auto next = scene.breakpoints.begin();
+  for (Index k = 0; k < N; ++k) {
+    const double begin = scene.T * (double(k) / double(N)),
+                 end = k + 1 == N ? scene.T : scene.T * (double(k + 1) / double(N));
+    double last = begin;
+    for (; next != scene.breakpoints.end() && *next < end; ++next) {
+      if (*next - last <= same_time * h || end - *next <= same_time * h) continue;
+      if (whole > 0) grid.parts.push_back({begin, whole});
+      whole = 0;
+      grid.parts.push_back({*next, 1});
+      grid.of.push_back(k);
+      last = *next;
+    }
+    if (last > begin)
+      grid.parts.push_back({end, 1});
+    else
+      ++whole;
+    grid.of.push_back(k);
+    grid.kept.push_back(Index(grid.of.size()));
+  }
+  if (whole > 0) grid.parts.push_back({scene.T, whole});
+  return grid;
+}
+
+void keep_nodes(const BrokenGrid& grid, Result& result) {
+  if (result.y.rows() != Index(grid.of.size()) + 1) return;
+  const Index N = Index(grid.kept.size()) - 1;
+  const RowMatrix integral = integral_of_y(result);
+  std::vector<Index> first(grid.kept.begin(), grid.kept.end() - 1);
+  result.t = result.t(grid.kept).eval();
+  for (RowMatrix* rows : {&result.y, &result.x, &result.trace})
+    if (rows->rows() > 0) *rows = (*rows)(grid.kept, Eigen::all).eval();
+  result.y_left = result.y_left(first, Eigen::all).eval();
+  result.y_integral = integral(grid.kept, Eigen::all);
+  result.steps = N;
+  result.defects = std::make_shared<StepDefects>();
+  if (result.interval_rules.empty()) return;
+  std::vector<IntervalRule> rules(std::size_t(N), IntervalRule::galerkin);
+  for (std::size_t i = 0; i < grid.of.size(); ++i)
+    if (result.interval_rules[i] != IntervalRule::galerkin) rules[std::size_t(grid.of[i])] = result.interval_rules[i];
+  result.interval_rules = std::move(rules);
+}
 
 LocatedGrid locate_switches(const Scene& scene, const Result& result, Index N) {
   constexpr double same_time = 1e-2;  // of an interval: switches closer than that share a node

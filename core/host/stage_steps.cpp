@@ -107,7 +107,7 @@ Stepper& StageSteps::stepper(Index stages, std::size_t kind) {
   if (stages == problem_.stages && kind == 0) return main_;
   auto& made = others_[std::size_t(stages - 1)];
   if (const auto found = made.find(kind); found != made.end()) return *found->second;
-  if (made.size() >= most_kept_) made.clear();
+  if (made.size() >= most_kept_ || bytes() > most_kept_bytes_) made.clear();
   return *(made[kind] = std::make_unique<Stepper>(problem_, stages, lengths_.size(kind), lengths_.rows(kind)));
 }
 

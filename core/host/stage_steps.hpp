@@ -44,7 +44,7 @@ class StageSteps {
   Stepper& stepper(Index stages, std::size_t kind);
 
   const StageProblem& problem_;
-  static constexpr std::size_t most_kept_ = 64;  ///< lengths
+  static constexpr std::size_t most_kept_ = 64, most_kept_bytes_ = std::size_t(1) << 31;  ///< of lengths
   Lengths lengths_;
   Stepper main_;
   std::array<std::map<std::size_t, std::unique_ptr<Stepper>>, 2> others_;  ///< by kind; one-stage and two-stage

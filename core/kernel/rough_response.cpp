@@ -2,6 +2,7 @@
 
 #include "core/numerics/phi.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 namespace bromwich {
@@ -66,11 +67,15 @@ Matrix linear_by_moments(const RoughStep& rough, double a, double d) {
   Matrix linear;
   Vector mean, moment;
   for (const SourcePiece& piece : rough.pieces) {
-    if (piece.start < a - 0.5 * piece.length || piece.start >= a + d - 0.5 * piece.length) continue;
+    const double begin = std::max(piece.start, a), end = std::min(piece.start + piece.length, a + d);
+    if (!(end > begin)) continue;
+    // The polynomial in tau, begin + tau (end - begin): k0 + k1 tau + k2 tau^2.
     const Matrix& c = piece.phi;
-    const double from = (piece.start - a) / d, part = piece.length / d;
-    const Vector m0 = part * (c.col(0) + c.col(1) / 2 + c.col(2) / 3),
-                 m1 = from * m0 + part * part * (c.col(0) / 2 + c.col(1) / 3 + c.col(2) / 4);
+    const double s = (begin - piece.start) / piece.length, r = (end - begin) / piece.length;
+    const Vector k0 = c.col(0) + s * (c.col(1) + s * c.col(2)), k1 = r * (c.col(1) + 2 * s * c.col(2)),
+                 k2 = r * r * c.col(2);
+    const double from = (begin - a) / d, part = (end - begin) / d;
+    const Vector m0 = part * (k0 + k1 / 2 + k2 / 3), m1 = from * m0 + part * part * (k0 / 2 + k1 / 3 + k2 / 4);
     if (mean.size() == 0) mean = moment = Vector::Zero(m0.size());
     mean += m0;
     moment += m1;

@@ -1,5 +1,7 @@
 #include "core/march/stage_grid.hpp"
 
+#include "core/march/dyadic_parts.hpp"
+
 #include <algorithm>
 #include <cmath>
 #include <numeric>
@@ -10,11 +12,10 @@ namespace bromwich {
 
 namespace {
 
-constexpr std::size_t most_contacts = 64;        ///< divided steps; more contacts mean chattering
-constexpr std::size_t most_sparse_lengths = 32;  ///< one sparse factorization each
+constexpr std::size_t most_contacts = 64;  ///< divided steps; more contacts mean chattering
 
 StageGrid whole_steps(const DiscreteProblem& p) {
-  StageGrid grid{p.t, {}, std::vector<Index>(std::size_t(p.J) + 1), {}, {}};
+  StageGrid grid{p.t, {}, {}, {}, std::vector<Index>(std::size_t(p.J) + 1), {}, {}};
   std::iota(grid.step.begin(), grid.step.end(), Index(0));
   grid.at = grid.step;
   return grid;
@@ -130,14 +131,18 @@ class JumpsAtPoints {
 
   // `ends`: of the parts of step j, the last of which is its point.
   bool divide(Index j, std::vector<double>& ends) {
-    if (!g_ || !p_.sources->at(j)) return false;
     const double from = ends.size() > 1 ? ends[ends.size() - 2] : p_.t[j - 1], to = ends.back(), brief = 0x1p-20 * p_.h;
-    Vector own;
-    g_->value(to, own);
-    const double jump = (own - g_->before(to, to - from)).cwiseAbs().maxCoeff();
-    if (!(jump > same_at_end * scale_) || !(to - from > 4 * brief)) return false;
+    if (!jumps(j, to - from) || !(to - from > 4 * brief)) return false;
     ends.insert(ends.end() - 1, {to - 2 * brief, to - brief});
     return true;
+  }
+
+  // At the end of step j, whose last part has this length.
+  bool jumps(Index j, double length) {
+    if (!g_ || !p_.sources->at(j)) return false;
+    Vector own;
+    g_->value(p_.t[j], own);
+    return (own - g_->before(p_.t[j], length)).cwiseAbs().maxCoeff() > same_at_end * scale_;
   }
 
  private:
@@ -147,7 +152,7 @@ class JumpsAtPoints {
 };
 
 StageGrid steps_in_parts(const DiscreteProblem& p, Layers& layers, const Contacts& contacts) {
-  StageGrid grid{{}, {}, {0}, {0}, {}};
+  StageGrid grid{{}, {}, {}, {}, {0}, {0}, {}};
   JumpsAtPoints jumps(p);
   std::vector<double> t{p.t[0]}, ends;
   for (Index j = 1; j <= p.J; ++j) {
@@ -164,7 +169,37 @@ StageGrid steps_in_parts(const DiscreteProblem& p, Layers& layers, const Contact
     const bool jump = jumps.divide(j, ends);
     for (const double end : ends) {
       grid.lengths.push_back(ends.size() == 1 ? p.h : end - t.back());
+      grid.from.push_back(t.back());
+      grid.to.push_back(end);
       t.push_back(end);
+      grid.step.push_back(j);
+    }
+    grid.at.push_back(Index(t.size()) - 1);
+    if (jump) grid.after.insert(grid.after.end(), {grid.at.back() - 1, grid.at.back()});
+  }
+  grid.t = Eigen::Map<const Vector>(t.data(), Index(t.size()));
+  return grid;
+}
+
+// The same with parts of few lengths.
+StageGrid steps_in_dyadic_parts(const DiscreteProblem& p, bool with_layers, const Contacts& contacts) {
+  StageGrid grid{{}, {}, {}, {}, {0}, {0}, {}};
+  JumpsAtPoints jumps(p);
+  DyadicParts parts(p, with_layers);
+  std::vector<double> t{p.t[0]};
+  for (Index j = 1; j <= p.J; ++j) {
+    std::vector<double> more;
+    if (const auto contact = contacts.find(j); contact != contacts.end()) {
+      more.push_back(p.t[j]);
+      divide_contact(contact->second, p.t[j - 1], p.h, more);
+      more.pop_back();
+    }
+    const bool jump = jumps.jumps(j, p.h);
+    for (const DyadicPart& part : parts.of(j, more, jump)) {
+      grid.lengths.push_back(part.length);
+      grid.from.push_back(part.from);
+      grid.to.push_back(part.to);
+      t.push_back(part.end);
       grid.step.push_back(j);
     }
     grid.at.push_back(Index(t.size()) - 1);
@@ -180,12 +215,10 @@ bool takes_limits_at_points(const DiscreteProblem& p) { return has_one_solution(
 
 StageGrid make_grid(const DiscreteProblem& p, Index stages, bool with_layers, const Contacts& contacts) {
   if (stages == 1) return whole_steps(p);
+  if (!p.small_state()) return p.sources ? steps_in_dyadic_parts(p, with_layers, contacts) : whole_steps(p);
   Layers layers(p, with_layers);
   if (!p.sources && layers.none()) return whole_steps(p);
-  StageGrid grid = steps_in_parts(p, layers, contacts);
-  if (p.small_state()) return grid;
-  std::set<double> different(grid.lengths.begin(), grid.lengths.end());
-  return different.size() <= most_sparse_lengths ? grid : whole_steps(p);
+  return steps_in_parts(p, layers, contacts);
 }
 
 Contacts contacts_of(const StageGrid& grid, const StageSolution& s, const RowMatrix& g) {

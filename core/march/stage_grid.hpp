@@ -15,9 +15,12 @@ inline constexpr double same_at_end = 1e-9;  ///< relative to the largest: value
 struct StageGrid {
   Vector t;                     ///< end times of the steps, t[0] = 0
   std::vector<double> lengths;  ///< length of the step to row j at index j - 1; empty if no step is divided
-  std::vector<Index> step;      ///< grid step that contains row j
-  std::vector<Index> at;        ///< row of each grid point
-  std::vector<Index> after;     ///< rows of brief parts that take g from after the jump at their grid point
+  /// Where sources are looked at for the step to row j, at index j - 1: the step itself, but for parts of few lengths
+  /// (core/march/dyadic_parts.hpp). As many as lengths.
+  std::vector<double> from, to;
+  std::vector<Index> step;   ///< grid step that contains row j
+  std::vector<Index> at;     ///< row of each grid point
+  std::vector<Index> after;  ///< rows of brief parts that take g from after the jump at their grid point
 };
 
 /// Steps of the undivided grid with a new contact of a rigid constraint, each with the predicted time of the contact,

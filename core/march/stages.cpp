@@ -22,6 +22,7 @@ namespace {
 constexpr double first_node = 1.0 / 3;  ///< c_1 of Radau IIA; the last node is the end of the step
 
 constexpr Index fewest_compressed_stages = 40;  ///< eigenvalues of a line above which a fit by few poles is tried
+constexpr double nearly_as_long = 1e-2;         ///< where sources are looked at, as the part
 constexpr int most_passes = 8;                  ///< marches until contacts stay in the same steps
 
 // g or phi at the stages of every step. Row j belongs to the step that ends at row j; row 0 holds the value at t = 0
@@ -30,13 +31,21 @@ RowMatrix sample_stages(const DiscreteProblem& p, const StageGrid& grid, const T
                         const RowMatrix& at_nodes, Index stages) {
   const Index width = at_nodes.cols(), rows = grid.t.size();
   RowMatrix values(rows, stages * width);
-  if (!grid.lengths.empty()) values.rightCols(width) = sample(function, grid.t, width).table();
+  const bool divided = !grid.lengths.empty();
+  const auto time = [&](Index j, double node) {
+    const double from = divided ? grid.from[std::size_t(j) - 1] : grid.t[j - 1];
+    return from + node * (divided ? grid.to[std::size_t(j) - 1] - from : p.h);
+  };
+  if (divided) {
+    Vector ends = grid.t;
+    for (Index j = 1; j < rows; ++j) ends[j] = grid.to[std::size_t(j) - 1];
+    values.rightCols(width) = sample(function, ends, width).table();
+  }
   for (std::size_t j = 0; j < grid.at.size(); ++j) values.row(grid.at[j]).tail(width) = at_nodes.row(Index(j));
   if (stages == 1) return values;
   Vector inner(rows);
   inner[0] = 0;
-  for (Index j = 1; j < rows; ++j)
-    inner[j] = grid.t[j - 1] + first_node * (grid.lengths.empty() ? p.h : grid.lengths[std::size_t(j) - 1]);
+  for (Index j = 1; j < rows; ++j) inner[j] = time(j, first_node);
   values.leftCols(width) = sample(function, inner, width).table();
   return values;
 }
@@ -49,8 +58,8 @@ void take_limits(const DiscreteProblem& p, const StageGrid& grid, bool at_points
   for (Index j = 1; j < grid.t.size(); ++j) {
     const Index step = grid.step[std::size_t(j)];
     if (!p.sources->at(step) || (grid.at[std::size_t(step)] == j && !at_points)) continue;
-    const double d = grid.lengths.empty() ? p.h : grid.lengths[std::size_t(j) - 1];
-    g.row(j).tail(p.scene.constraints()) = source.whole(source.before(grid.t[j], d)).transpose();
+    const double from = grid.from[std::size_t(j) - 1], to = grid.to[std::size_t(j) - 1];
+    g.row(j).tail(p.scene.constraints()) = source.whole(source.before(to, to - from)).transpose();
   }
   const Index n = p.scene.constraints();
   for (const Index row : grid.after) {
@@ -78,15 +87,21 @@ void take_moments(const DiscreteProblem& p, const StageGrid& grid, Index stages,
   for (Index j = 1; j < grid.t.size(); ++j) {
     const RoughStep* rough = p.sources->at(grid.step[std::size_t(j)]);
     if (!rough || rough->pieces.empty()) continue;
-    const double d = grid.lengths.empty() ? p.h : grid.lengths[std::size_t(j) - 1];
+    const bool divided = !grid.lengths.empty();
+    const double length = divided ? grid.lengths[std::size_t(j) - 1] : p.h;
+    const double from = divided ? grid.from[std::size_t(j) - 1] : grid.t[j - 1];
+    const double d = divided ? grid.to[std::size_t(j) - 1] - from : p.h;
+    const bool as_long = std::abs(d - length) <= nearly_as_long * length;
     const auto whole = [&](const Vector& v) { return p.f.shapes().size() > 0 ? Vector(p.f.shapes() * v) : v; };
-    const auto first = value_of_one_piece(*rough, grid.t[j] - d, d, first_node),
-               last = value_of_one_piece(*rough, grid.t[j] - d, d, 1);
-    if (stages == 2 && first && last) {
+    const auto first = value_of_one_piece(*rough, from, d, first_node), last = value_of_one_piece(*rough, from, d, 1);
+    if (stages == 2 && as_long && first && last) {
       phi.row(j) << whole(*first).transpose(), whole(*last).transpose();
       continue;
     }
-    Matrix linear = linear_by_moments(*rough, grid.t[j] - d, d);
+    // Up to where the next part begins to look: the integral of f is that of the step.
+    const bool next = divided && std::size_t(j) < grid.from.size();
+    const double upto = next ? grid.from[std::size_t(j)] - from : d;
+    Matrix linear = linear_by_moments(*rough, from, upto) * (divided ? upto / length : 1);
     if (linear.rows() == 0) continue;
     if (p.f.shapes().size() > 0) linear = (p.f.shapes() * linear).eval();
     const Vector mean = linear.col(0) + linear.col(1) / 2;
@@ -148,15 +163,17 @@ bool takes_limits_at_points(const DiscreteProblem& p, const StageGrid& grid) {
 }
 
 // The modes of a Kronecker sum: all eigenvalues of a line, or few poles of its transfer function if no states are
-// requested and x0 is zero.
-std::shared_ptr<const ModalStages> modal_stages(const DiscreteProblem& p, Index stages, RecurrenceChoice choice) {
+// requested, x0 is zero and all steps have one length.
+std::shared_ptr<const ModalStages> modal_stages(const DiscreteProblem& p, Index stages, RecurrenceChoice choice,
+                                                const StageGrid& grid) {
   const KroneckerDynamics& d = *p.modes();
   auto modal = std::make_shared<ModalStages>();
   modal->along = d.face_eigenvalues();
   modal->direct = d.n.dot(d.b);
   const Vector nu = d.across.eigenvalues();
   const bool chosen = choice == RecurrenceChoice::compressed;
-  if (p.components.empty() && p.scene.x0.isZero(0) && choice != RecurrenceChoice::modal &&
+  const bool one_length = grid.lengths.empty();
+  if (one_length && p.components.empty() && p.scene.x0.isZero(0) && choice != RecurrenceChoice::modal &&
       (chosen || nu.size() > fewest_compressed_stages)) {
     const PoleSum fit = fit_line(d, stages == 2, p.h, p.scene.T);
     if (fit.error <= accepted_compression_error && (chosen || 2 * fit.rates.size() <= nu.size())) {
@@ -179,11 +196,10 @@ std::shared_ptr<const ModalStages> modal_stages(const DiscreteProblem& p, Index 
 void state_problem(const DiscreteProblem& p, const StageGrid& grid, Index stages, const Options& options,
                    Given& given) {
   StageProblem& problem = given.problem;
-  const bool in_modes =
-      p.modes() && p.modes()->beside.empty() && (p.f.size() == 0 || p.drive()) && grid.lengths.empty();
+  const bool in_modes = p.modes() && p.modes()->beside.empty() && (p.f.size() == 0 || p.drive());
   if (p.modes() && !in_modes) given.written_out = to_sparse(*p.modes());
   problem.dynamics = p.modes() && !in_modes ? &given.written_out : &p.scene.dynamics;
-  problem.modal = in_modes ? modal_stages(p, stages, options.tuning.recurrence) : nullptr;
+  problem.modal = in_modes ? modal_stages(p, stages, options.tuning.recurrence, grid) : nullptr;
   problem.substitutes_euler = options.tuning.substitutes_euler;
   problem.M = &p.scene.M;
   problem.lcp_class = p.lcp_class;

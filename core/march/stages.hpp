@@ -9,7 +9,7 @@ namespace bromwich {
 
 /// Marches the state with y discontinuous between steps (core/host/stage_problem.hpp): two stages (Radau IIA) or one
 /// (implicit Euler). Fills status, y, x (the requested components), counters, residual and seconds. A Kronecker sum is
-/// stepped in sine modes; with rough sources, or an f that does not enter through B, it is converted to sparse
+/// stepped in sine modes; with an f that does not enter through B it is converted to sparse
 /// matrices. `poles`: the dynamics by few poles, stepped instead of the state where all steps have one length.
 void solve_by_stages(const DiscreteProblem&, Index stages, const InnerOptions&, Result& result,
                      std::shared_ptr<const PoleModel> poles = nullptr);

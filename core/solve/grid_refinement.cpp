@@ -96,8 +96,10 @@ Result GridRefinement::refine() {
     if (!reference_) iterate_on();
     std::optional<std::string> end = verdict();
     if (end && end->empty() && !reference_ && !holds_inside()) end = std::nullopt;
-    if (end && end->empty() && !reference_ && convergence_->wants_check()) {
+    const bool done = end && end->empty();
+    if (!reference_ && (done ? convergence_->wants_check() : hangs_on_check())) {
       check();
+      unchecked_ = unchecked_ && done;
       end = verdict();
     }
     if (end && end->empty() && !reference_ && misses_inside()) {

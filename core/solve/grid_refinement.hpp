@@ -58,6 +58,8 @@ class GridRefinement {
   /// Jumps that stay in their steps when these are halved do not on a grid of 3/4 of the steps. Where that cannot be
   /// compared the estimate is not relied on.
   void check();
+  /// Nothing but such jumps stands against the tolerance.
+  bool hangs_on_check() const;
   /// g that jumps inside steps enters contour, multigrid and Euler by its values at their ends: a pulse between them is
   /// in no difference of grids. Method march takes such steps in parts.
   /// It also does so where the state jumps, which method galerkin notices late on all grids.

@@ -141,6 +141,12 @@ bool GridRefinement::met() const {
   return (goal_.y == 0 || e.total() <= accepted * goal_.y) && (!controls_states() || e.states <= accepted * goal_.x);
 }
 
+bool GridRefinement::hangs_on_check() const {
+  if (goal_.y == 0 || solved_->steps < expected_ || solved_->steps % 4 != 0 || !judged()) return false;
+  if (controls_states() && solved_->errors->states > accepted * goal_.x) return false;
+  return convergence_->hangs_on_check(accepted * goal_.y);
+}
+
 std::optional<std::string> GridRefinement::verdict() const {
   if (solved_->steps >= expected_ && judged() && met()) return "";
   const double piece = scene_.T / double(options_.max_steps) * shortest_piece, goal = goal_.smallest();
@@ -169,7 +175,7 @@ std::optional<std::string> GridRefinement::why_unchecked() const {
     return "the state may jump, and method march does not solve the same grid to compare it with";
   const std::string jumps =
       "g jumps or has a kink inside steps, and this method takes its values at their ends alone: ";
-  // Sparse scenes and Kronecker sums are marched with the same values.
+  // Other scenes whose steps are not divided are marched with the same values.
   if (solved_->method != Method::march && Methods::has_small_dense_state(scene_)) return jumps + "use method march";
   const double needed = double(solved_->steps) * missed_ / goal_.smallest();  // first order
   if (needed <= double(std::min(patience_when_stalled * expected_, options_.max_steps))) return std::nullopt;

@@ -26,6 +26,8 @@ void refuse(const std::string& why, Result& result) {
   result.reason = why + "; use method march or euler";
 }
 
+constexpr Index largest_divided = 512;  ///< constraints, of steps in stages that are divided at jumps of g
+
 // Why no contact settles in sweeps of the iteration: y_i of one time point acts on w_i of the same more than M_ii, for
 // every i. A set S of contacts is multiplied by M_SS^{-1} (W_0)_SS then, whose largest eigenvalue is at least the
 // largest ratio of the diagonals where both are symmetric. Empty: not known.
@@ -151,12 +153,21 @@ void Methods::march(const InnerOptions& options, Result& result) {
     result.kernel += "; " + basis().reason;
   } else if (operator_->takes_parts()) {
     solve_by_split_marching(problem_, options, result);
+  } else if (divides_in_stages()) {
+    step_in_stages(2, options, result);
   } else if (const std::string why = operator_->missing_weights(); why.empty()) {
     run_prepared(Method::march, options, result, [&] { return prepare_march(*operator_, Rule::exponential, options); });
   } else {
     step_in_stages(2, options, result);
     result.kernel += "; " + why;
   }
+}
+
+// Without a small state, weights of steps hold no parts of steps. The stages of parts do, where n x n matrices are
+// small enough for one of each length.
+bool Methods::divides_in_stages() const {
+  if (!problem_.sources || problem_.scene.constraints() > largest_divided) return false;
+  return problem_.sources->jumps_of_g;
 }
 
 // Small states are recorded whole, and the requested components are taken from them.

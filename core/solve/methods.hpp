@@ -42,6 +42,7 @@ class Methods {
 
  private:
   void march(const InnerOptions&, Result&);
+  bool divides_in_stages() const;
   void step_in_stages(Index stages, const InnerOptions&, Result&);
   void iterate(const Options&, Result&);
   void cycle(const Options&, Result&);

@@ -245,9 +245,21 @@ std::optional<Result> free_rows(const Scene& scene, Backend& backend, const Inne
 // Below this size dense matrices are faster in everything, and e^{hA} needs no contour.
 constexpr Index smallest_sparse = 512;
 
+// Every length of a part of a step needs an exponential of a dense matrix, and a factorization of a sparse one.
+constexpr Index smallest_sparse_with_parts = 128;
+constexpr double most_filled = 1.0 / 16;  ///< of a matrix that is factorized in much less time
+
+bool divides_sparse_steps(const Scene& scene, Method method) {
+  if (scene.breakpoints.empty() || (method != Method::march && method != Method::automatic)) return false;
+  const double m = double(scene.states());
+  return scene.states() > smallest_sparse_with_parts &&
+         double(scene.dynamics->matrices()->A.nonZeros()) <= most_filled * m * m;
+}
+
 std::optional<Result> small_sparse(const Scene& scene, Backend& backend, const InnerOptions& options,
                                    const Solve& solve) {
   if (!scene.dynamics->matrices() || scene.states() > smallest_sparse) return std::nullopt;
+  if (divides_sparse_steps(scene, options.method)) return std::nullopt;
   note(options.log, LogLevel::debug, "sparse dynamics with %ld states are written out as dense ones",
        long(scene.states()));
   Scene dense = written_out(scene);

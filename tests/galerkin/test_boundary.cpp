@@ -218,8 +218,8 @@ TEST(GalerkinBoundary, RowsAtTimesWhereNothingWasFound) {
 
 // x' = -x + y, x(0) = x(T), w = y + 1 - 500 on (a, a + d) with d far below an interval: y = 499 there and 0 elsewhere,
 // so that x jumps by about 499 d once a period. The mean of w over an interval is positive, and no grid of few
-// intervals sees the contact: the breakpoints tell.
-Scene pulsed_contact() {
+// intervals sees the contact: the breakpoints tell, and intervals are divided there.
+TEST(GalerkinBoundary, ContactsShorterThanIntervalsAreNotMissed) {
   constexpr double a = 0.4967, d = 1e-6;
   Scene scene;
   scene.dynamics = DenseDynamics{Matrix{{-1}}, Matrix{{1}}, Matrix{{0}}};
@@ -229,21 +229,17 @@ Scene pulsed_contact() {
   scene.boundary = BoundaryCondition{Matrix{{1}}, Matrix{{-1}}, Vector::Zero(1)};
   scene.T = 1;
   scene.default_steps = 200;
-  return scene;
-}
-
-TEST(GalerkinBoundary, ContactsShorterThanIntervalsAreNotMissed) {
-  const Scene scene = pulsed_contact();
-  Options options = options_for(Method::galerkin, 200);
-  options.states = StateSelection::all;
-  const Result grid = run(scene, options);
-  EXPECT_FALSE(grid.warning.empty()) << "x(T) = " << grid.x(grid.steps, 0);
-  options.tolerance = 1e-3;
-  options.max_steps = 1600;
-  const Result result = run(scene, options);
-  EXPECT_EQ(result.status, Status::tolerance_not_met);
-  ASSERT_TRUE(result.error_estimate);
-  EXPECT_GT(*result.error_estimate, 0.3) << "x is 0 on these grids, an error of 1";
+  const double after = 499 * (1 - std::exp(-d)) / (1 - std::exp(-1));
+  for (const double tolerance : {0.0, 1e-3}) {
+    Options options = options_for(Method::galerkin, tolerance > 0 ? 0 : 200);
+    options.states = StateSelection::all;
+    options.tolerance_x = tolerance;
+    const Result r = run(scene, options);
+    ASSERT_EQ(r.status, Status::solved) << r.reason;
+    // y is constant between breakpoints, so that x is exact: up to rounding of d, 1e-16 of T = 1e-10 d.
+    for (Index j = 0; j <= r.steps; ++j)
+      EXPECT_NEAR(r.x(j, 0), after * std::exp(-(r.t[j] < a ? r.t[j] + 1 - a - d : r.t[j] - a - d)), 1e-8 * after);
+  }
 }
 
 // Without the pulse in the way: a square wave, whose jumps lie inside intervals, and a mode that grows by e^20 over T,
@@ -268,6 +264,32 @@ TEST(GalerkinBoundary, JumpsInsideIntervalsAreSolvedBesideGrowth) {
     const double grows = t < s ? -(1 - std::exp(20 * (t - s))) / 20 : 0;
     EXPECT_NEAR(result.x(j, 0), decays, 1e-3 / 20) << t;
     EXPECT_NEAR(result.x(j, 1), grows, 1e-3 / 20) << t;
+  }
+}
+
+// A periodic state that y pulls only while g is negative, for 1e-4 of T: x' = -x, and x' = 50 - 2x in the pulse. The
+// intervals of all grids are far longer than the pulse. M = 1, and the stop M = 0, which lifts x to 50 at once.
+TEST(GalerkinBoundary, PulsesShorterThanIntervalsAreSolved) {
+  constexpr double begin = 0.30013, width = 1e-4, end = begin + width;
+  for (const double M : {1.0, 0.0}) {
+    Scene scene;
+    scene.dynamics = DenseDynamics{Matrix{{-1}}, Matrix{{1}}, Matrix{{1}}};
+    scene.M = Matrix{{M}};
+    scene.g = [](double t, Eigen::Ref<Vector> v) { v[0] = t > begin && t < end ? -50 : 10; };
+    scene.breakpoints = {begin, end};
+    scene.boundary = BoundaryCondition{Matrix{{1}}, Matrix{{-1}}, Vector::Zero(1)};
+    scene.T = 1;
+    const double after = M > 0 ? 25 * (1 - std::exp(-2 * width)) / (1 - std::exp(-1 - width)) : 50;
+    Options options = options_for(Method::automatic);
+    options.states = StateSelection::all;
+    options.tolerance_x = 1e-4;
+    const Result result = run(scene, options);
+    ASSERT_EQ(result.status, Status::solved) << M << ": " << result.reason;
+    EXPECT_LE(result.steps, 1600);
+    for (Index j = 0; j <= result.steps; ++j) {
+      const double t = result.t[j], since = t < begin ? t + 1 - end : t - end;
+      EXPECT_NEAR(result.x(j, 0), after * std::exp(-since), 1e-4 * after) << M << ", " << t;
+    }
   }
 }
 

@@ -28,8 +28,7 @@ SparseDynamics one_of_many(Index m) {
   return d;
 }
 
-// Sparse scenes are solved with g at the ends of steps, whatever the method: what that misses of a jump falls with h,
-// and the search goes on.
+// A jump of g inside steps of a sparse scene.
 TEST(ErrorsOfGrids, JumpsInsideStepsOfSparseScenesTakeMoreSteps) {
   constexpr Index m = 520;  // above 512 sparse dynamics stay sparse
   SparseDynamics d;

@@ -281,4 +281,25 @@ SourceScene source_scene(std::uint32_t seed) {
   return made;
 }
 
+Scene among_sparse_states(const Scene& scene, Index m) {
+  const DenseDynamics& d = get<DenseDynamics>(scene.dynamics);
+  const Index few = d.A.rows();
+  SparseDynamics sparse;
+  sparse.A.resize(m, m), sparse.B.resize(m, d.B.cols()), sparse.N.resize(d.N.rows(), m);
+  for (Index i = 0; i < few; ++i) {
+    for (Index k = 0; k < few; ++k) sparse.A.insert(i, k) = d.A(i, k);
+    for (Index k = 0; k < d.B.cols(); ++k) sparse.B.insert(i, k) = d.B(i, k), sparse.N.insert(k, i) = d.N(k, i);
+  }
+  for (Index i = few; i < m; ++i) sparse.A.insert(i, i) = -2 / scene.T;
+  Scene all = scene;
+  all.dynamics = sparse;
+  all.x0 = Vector::Zero(m);
+  all.x0.head(few) = scene.x0;
+  if (scene.f_entry != SourceEntry::state) return all;
+  all.f_entry = SourceEntry::through_F;
+  all.F.resize(m, few);
+  for (Index i = 0; i < few; ++i) all.F.insert(i, i) = 1;
+  return all;
+}
+
 }  // namespace bromwich::oracle

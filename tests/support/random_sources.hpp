@@ -23,4 +23,7 @@ struct SourceScene {
 /// breakpoints.
 SourceScene source_scene(std::uint32_t seed);
 
+/// The scene with sparse dynamics, and `m` states in all: more ones that decay, which nothing drives or sees.
+Scene among_sparse_states(const Scene&, Index m);
+
 }  // namespace bromwich::oracle
