@@ -92,6 +92,22 @@ class CudaBackend final : public Backend, public SharedMemory {
       if (const auto* d = dynamics->modes(); d && d->across.has_sine_modes()) return resolvent_(*d, nodes);
       return host_->resolvent(dynamics, nodes);
     };
+    fused_.slabs.move_rows = [this](const Array* from, Index first, Index ratio, Array& to, Index begin, Index count) {
+      cuda::move_rows(device_, from, first, ratio, to, begin, count);
+    };
+    fused_.slabs.download_rows = [this](const Array& from, Index first, Index count, double* to) {
+      cuda::download_rows(device_, from, first, count, to);
+    };
+    fused_.slabs.upload_rows = [this](const double* from, Array& to, Index first, Index count) {
+      cuda::upload_rows(device_, from, to, first, count);
+    };
+    fused_.slabs.interpolate_rows = [this](const Array& coarse, const Array* old, Index ratio, Index first,
+                                           Array& fine) {
+      cuda::interpolate_rows(device_, coarse, old, ratio, first, fine);
+    };
+    fused_.slabs.carried_convolution = [this](const ModalRecurrence& r, const std::vector<Index>& ends, int rank) {
+      return cuda::make_carried_scan(device_, r, ends, rank);
+    };
     fused_.scene_march = [this](const SceneMarchProblem& problem, Index scenes) {
       return cuda::make_scene_march(device_, problem, scenes);
     };

@@ -43,6 +43,13 @@ void put_stages(const Device&, const Array& first, const Array& second, Array& s
 void sweep_stages(const Device&, const StageDivisors&, const Array& r, const Array& v, Array& y);
 void restrict_stages(const Device&, const Array& r, const Array& v, const Array& y, const Array& coarse_v,
                      Array& coarse_r, Array& coarse_y, Array& old);
+/// Of core/seam/slab_operations.hpp.
+void move_rows(const Device&, const Array* from, Index first, Index ratio, Array& to, Index begin, Index count);
+void download_rows(const Device&, const Array& from, Index first, Index count, double* to);
+void upload_rows(const Device&, const double* from, Array& to, Index first, Index count);
+void interpolate_rows(const Device&, const Array& coarse, const Array* old, Index ratio, Index first, Array& fine);
+std::unique_ptr<CarriedConvolution> make_carried_scan(const Device&, const ModalRecurrence&,
+                                                      const std::vector<Index>& ends, int rank);
 void add(const Device&, const Array& b, double s, const Array& c, Array& a);
 std::unique_ptr<Differences> make_differences(const Device&, std::size_t slots);
 bool alternates(const Device&, const Array& y, Index run, double part);

@@ -5,6 +5,7 @@
 #include "../host/step_chain.hpp"
 #include "array.hpp"
 #include "recurrence.hpp"
+#include "slab_operations.hpp"
 
 #include <functional>
 #include <memory>
@@ -12,11 +13,7 @@
 
 namespace bromwich {
 
-class Convolution;
-class LcpBatch;
 class SceneMarch;
-class SineTransform;
-struct ProjectedSweeps;
 struct SceneMarchProblem;
 
 /// Optional operations of a backend: one kernel replaces several operations, or the device replaces the host. An empty
@@ -41,6 +38,7 @@ struct FusedOperations {
   std::function<ComplexMatrix(const Dynamics&, const ComplexVector& nodes)> resolvent;
   /// For at most so many scenes at a time (scene_march.hpp). Returns null for problems that it does not take.
   std::function<std::unique_ptr<SceneMarch>(const SceneMarchProblem&, Index scenes)> scene_march;
+  SlabOperations slabs;
 };
 
 /// The lower triangular matrix that a sweep over both stages of a step divides by (Backend::sweep_stages).

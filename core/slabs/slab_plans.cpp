@@ -17,6 +17,7 @@ class SlabTransform final : public SineTransform {
     if (here < slabs_.rows()) local_->apply(local_part(in), add ? &local_part(*add) : nullptr, local_part(out), here);
   }
   std::size_t bytes() const override { return local_->bytes(); }
+  SineTransform& local() { return *local_; }
 
  private:
   std::unique_ptr<SineTransform> local_;
@@ -26,7 +27,16 @@ class SlabTransform final : public SineTransform {
 class SlabLcp final : public LcpBatch {
  public:
   SlabLcp(const RankedBackend& ranked, std::unique_ptr<LcpBatch> local, const Slabs& slabs)
-      : LcpBatch(false), ranked_(ranked), local_(std::move(local)), slabs_(slabs) {}
+      : LcpBatch(false), ranked_(ranked), local_(std::move(local)), slabs_(slabs) {
+    if (!local_->submit_in_modes) return;
+    submit_in_modes = [this](SineTransform& S, const Array& r, const Array& v, bool v_in_modes, Array& y,
+                             Array* y_modes, Index first) {
+      const Index here = slabs_.here(first);
+      if (here < slabs_.rows())
+        local_->submit_in_modes(static_cast<SlabTransform&>(S).local(), local_part(r), local_part(v), v_in_modes,
+                                local_part(y), y_modes ? &local_part(*y_modes) : nullptr, here);
+    };
+  }
 
   void submit(const Array& r, const Array& v, Array& y, Index first, double settle_tolerance) override {
     const Index here = slabs_.here(first);
