@@ -67,8 +67,9 @@ struct LcpReport {
 /// solution: the unique one (P), the least element (Z).
 class LcpBatch : public Plan {
  public:
-  /// `at_once`: `submit` returns after the work is finished, and cannot be recorded.
-  explicit LcpBatch(bool at_once) : at_once(at_once) {}
+  /// `at_once`: `submit` returns after the work is finished. `recorded`: Backend::record can take it.
+  LcpBatch(bool at_once, bool recorded) : at_once(at_once), recorded(recorded) {}
+  explicit LcpBatch(bool at_once) : LcpBatch(at_once, !at_once) {}
 
   /// Begins a batch. With a tolerance >= 0, `finish` must follow for this batch; a negative one leaves it to `collect`.
   virtual void submit(const Array& r, const Array& v, Array& y, Index first, double settle_tolerance) = 0;
@@ -91,7 +92,7 @@ class LcpBatch : public Plan {
                      Index first)>
       submit_in_modes;
 
-  const bool at_once;
+  const bool at_once, recorded;
 };
 
 /// A batch whose `submit` does all the work.

@@ -27,7 +27,7 @@ class SlabTransform final : public SineTransform {
 class SlabLcp final : public LcpBatch {
  public:
   SlabLcp(const RankedBackend& ranked, std::unique_ptr<LcpBatch> local, const Slabs& slabs)
-      : LcpBatch(false), ranked_(ranked), local_(std::move(local)), slabs_(slabs) {
+      : LcpBatch(false, local->recorded), ranked_(ranked), local_(std::move(local)), slabs_(slabs) {
     if (!local_->submit_in_modes) return;
     submit_in_modes = [this](SineTransform& S, const Array& r, const Array& v, bool v_in_modes, Array& y,
                              Array* y_modes, Index first) {
