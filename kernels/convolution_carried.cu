@@ -60,9 +60,12 @@ __global__ void __launch_bounds__(lanes* warps)
 #pragma unroll
     for (int g = 0; g < group; ++g) z[g] = E[g] * z[g] + u;
   }
+  double u[tile], next[tile];
+  if (j <= end) read_tile(y + column, m.step, j, last + 1, next);
   for (; j <= end; j += tile) {
-    double u[tile];
-    read_tile(y + column, m.step, j, last + 1, u);
+#pragma unroll
+    for (int i = 0; i < tile; ++i) u[i] = next[i];
+    if (j + tile <= end) read_tile(y + column, m.step, j + tile, last + 1, next);
 #pragma unroll
     for (int i = 0; i < tile; ++i)
 #pragma unroll

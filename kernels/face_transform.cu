@@ -186,6 +186,9 @@ std::size_t FaceKernels::bytes() const {
 
 namespace {
 
+/// A block has a whole face: up to 132 faces take 30 us on an H100. By lines and columns one takes 31 us, 64 take 226.
+constexpr Index fewest_products = 4;
+
 class FastFace final : public SineTransform {
  public:
   FastFace(const Device& device, const std::vector<Index>& extents) : device_(device), kernels_(device, extents) {
@@ -195,7 +198,7 @@ class FastFace final : public SineTransform {
   void apply(const Array& in, const Array* add, Array& out, Index first) override {
     const Index rows = in.rows() - first, step = stride(in.cols());
     if (rows <= 0) return;
-    if (products_ && !add && rows >= device_.multiprocessors() / 2)  // a block has a whole face
+    if (products_ && !add && rows >= fewest_products)
       return products_->apply(values(in) + first * step, values(out) + first * step, rows);
     Memory<double> kept;
     double* between = values(out) + first * step;

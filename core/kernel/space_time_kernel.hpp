@@ -24,6 +24,8 @@ class SpaceTimeKernel {
   void apply_injected(const SpaceTimeKernel& fine, const Array& y_fine, Array& y, Array& v);
   /// For a Kronecker sum; needs only the modes of the array that `fine` was last applied to.
   void apply_injected_modes(const SpaceTimeKernel& fine, Array& v);
+  /// Whether Backend::record can take it.
+  bool recorded() const { return convolution_->recorded(); }
   /// Whether `sweep` can be used with this batch.
   bool sweeps(const LcpBatch&) const;
   /// y <- SOL(M + D, r + v - D y) from row 1 on, `count` times, with v <- K y between them and where `order` says so.
@@ -39,6 +41,8 @@ class SpaceTimeKernel {
   double transform_seconds = 0, convolution_seconds = 0;
 
  private:
+  void expect_modes();
+
   Backend& backend_;
   std::unique_ptr<Convolution> convolution_, start_;
   std::unique_ptr<SineTransform> sine_;

@@ -36,6 +36,12 @@ class Convolution : public Plan {
   /// `v` must not alias `y`. Rows of y and v before `first` must be those of the previous call. The same values may be
   /// written to those rows of v again.
   virtual void apply(const Array& y, Array& v, Index first) = 0;
+  /// Whether Backend::record can take it.
+  virtual bool recorded() const { return true; }
+
+  /// Optional: the next call is apply(y, ., .), with other rows of y to be written before it. What y needs from
+  /// elsewhere may begin to arrive.
+  std::function<void(const Array& y)> expect;
 
   /// Optional, for a modal recurrence with an `initial`: from now on x0 contributes Σ_k D_k E_k^j to row j >= 1 of each
   /// mode, D: K x n. Empty: another x0 needs another plan.

@@ -141,6 +141,7 @@ class SlabBackend final : public Backend {
       };
     }
     void apply(const Array& y, Array& v, Index first) override { plan_->apply(local_part(y), local_part(v), first); }
+    bool recorded() const override { return plan_->recorded(); }
     std::size_t bytes() const override { return plan_->bytes(); }
 
    private:

@@ -5,6 +5,8 @@
 
 #include <algorithm>
 #include <type_traits>
+#include <utility>
+#include <vector>
 
 namespace bromwich {
 
@@ -50,6 +52,7 @@ class SlabConvolution final : public Convolution {
     added_to_ = state_.add(z, slabs_.rows() - 1, ranked_.local, out);
     out.put();
   }
+  bool recorded() const override { return false; }  // the host steps the state
 
   std::size_t bytes() const override {
     return plan_->bytes() + sizeof(double) * std::size_t(4 * state_.size() + 2 * message_.size());
@@ -141,20 +144,34 @@ class CarriedSlabs final : public Convolution {
     start_from = [this](const Array& D) {
       if (ranked_.first()) plan_->start_from(local_part(D));
     };
+    if (ranked.communicator.moves_rows())
+      expect = [this](const Array& y) {
+        ranked_.communicator.begin_receive(message(local_part(y)));
+        expected_ = true;
+      };
   }
 
   void apply(const Array& y, Array& v, Index first) override {
-    const Index here = slabs_.here(first), last = slabs_.rows() - 1;
-    const bool idle = here > last;
+    const Index here = slabs_.here(first);
+    const bool idle = here >= slabs_.rows();
     Array& rows = local_part(y);
-    if (!ranked_.last() && (!idle || !has_left_)) plan_->leave(rows, *left_, outliving_.get());
-    has_left_ = true;
-    ranked_.shift({{left_.get(), 0, received_.get(), 0, 1}, {&rows, last, &rows, 0, 1}});
+    if (ranked_.communicator.moves_rows()) {
+      if (!std::exchange(expected_, false)) ranked_.communicator.begin_receive(message(rows));
+      leave(rows, idle);
+      ranked_.communicator.begin_send(message(rows));
+      ranked_.communicator.end_receive(message(rows));
+    } else {
+      leave(rows, idle);
+      ranked_.shift(message(rows));
+    }
     if (outliving_) ranked_.gather(*outliving_, *of_all_);
-    if (idle) return;
-    if (!ranked_.first()) plan_->begin(*received_, of_all_.get());
-    plan_->apply(rows, local_part(v), here > slabs_.own() ? here : 0);
+    if (!idle) {
+      if (!ranked_.first()) plan_->begin(*received_, of_all_.get());
+      plan_->apply(rows, local_part(v), here > slabs_.own() ? here : 0);
+    }
+    if (ranked_.communicator.moves_rows()) ranked_.communicator.end_send();
   }
+  bool recorded() const override { return ranked_.communicator.moves_rows(); }
 
   std::size_t bytes() const override {
     return plan_->bytes() + left_->bytes() + received_->bytes() +
@@ -162,11 +179,21 @@ class CarriedSlabs final : public Convolution {
   }
 
  private:
+  // The state at the end of a slab, and the last row of y.
+  std::vector<RowShift> message(Array& y) const {
+    return {{left_.get(), 0, received_.get(), 0, 1}, {&y, slabs_.rows() - 1, &y, 0, 1}};
+  }
+  // What an idle rank leaves is that of the call before.
+  void leave(const Array& y, bool idle) {
+    if (!ranked_.last() && (!idle || !has_left_)) plan_->leave(y, *left_, outliving_.get());
+    has_left_ = true;
+  }
+
   RankedBackend ranked_;
   Slabs slabs_;
   std::unique_ptr<CarriedConvolution> plan_;
   std::unique_ptr<Array> left_, received_, outliving_, of_all_;
-  bool has_left_ = false;
+  bool has_left_ = false, expected_ = false;
 };
 
 }  // namespace

@@ -25,7 +25,7 @@ TEST(Communicator, RowsTravelAsArrays) {
   for (const int size : {1, 2, 3, 4})
     on_threads(size, [](Communicator& ranks) {
       const auto local = make_row_backend();
-      const auto rows = make_row_rank(*local, ranks);
+      const auto rows = make_row_rank(ranks);
       EXPECT_EQ(faults_of(*rows), std::vector<std::string>{});
       EXPECT_EQ(faults_of_rows(*rows, *local), std::vector<std::string>{});
     });

@@ -1,5 +1,6 @@
 #include "tests/support/row_ranks.hpp"
 
+#include "core/base/error.hpp"
 #include "core/slabs/slab_array.hpp"
 #include "core/slabs/slab_backend.hpp"
 #include "core/slabs/slab_states.hpp"
@@ -81,9 +82,37 @@ class NaiveCarried final : public CarriedConvolution {
   bool first_;
 };
 
+/// A batch that reports late and can be recorded, by one that does neither.
+class LateLcp final : public LcpBatch {
+ public:
+  explicit LateLcp(std::unique_ptr<LcpBatch> inner) : LcpBatch(false), inner_(std::move(inner)) {}
+  void submit(const Array& r, const Array& v, Array& y, Index first, double tolerance) override {
+    inner_->submit(r, v, y, first, tolerance);
+  }
+  LcpReport finish(const Array& r, const Array& v, Array& y, Index first, double tolerance) override {
+    return inner_->finish(r, v, y, first, tolerance);
+  }
+  LcpReport collect() override { return inner_->collect(); }
+  double residual(const Array& r, const Array& v, const Array& y) override { return inner_->residual(r, v, y); }
+  std::size_t bytes() const override { return inner_->bytes(); }
+
+ private:
+  std::unique_ptr<LcpBatch> inner_;
+};
+
 class RowBackend final : public Backend {
  public:
   RowBackend() : Backend("rows"), inner_(make_reference_backend()) {
+    // As a device: what is recorded runs when it is replayed, and the host has no part in it.
+    fused_.record = [this](Index, const std::function<void()>& operations) {
+      recording_ = true;
+      operations();
+      recording_ = false;
+      return operations;
+    };
+    fused_.face_transform = [this](const std::vector<Index>& extents, Index rows) {
+      return inner_->face_transform(extents, rows);
+    };
     fused_.slabs.move_rows = [this](const Array* from, Index first, Index ratio, Array& to, Index begin, Index count) {
       RowMatrix source, target;
       inner_->download(to, target);
@@ -93,11 +122,13 @@ class RowBackend final : public Backend {
       inner_->upload(target, to);
     };
     fused_.slabs.download_rows = [this](const Array& from, Index first, Index count, double* to) {
+      check_host();
       RowMatrix source;
       inner_->download(from, source);
       Eigen::Map<RowMatrix>(to, count, from.cols()) = source.middleRows(first, count);
     };
     fused_.slabs.upload_rows = [this](const double* from, Array& to, Index first, Index count) {
+      check_host();
       RowMatrix target;
       inner_->download(to, target);
       target.middleRows(first, count) = Eigen::Map<const RowMatrix>(from, count, to.cols());
@@ -131,8 +162,14 @@ class RowBackend final : public Backend {
     inner_->each_range(count, length, body);
   }
   std::unique_ptr<Array> array(Index rows, Index cols) override { return inner_->array(rows, cols); }
-  void upload(const RowMatrix& from, Array& to) override { inner_->upload(from, to); }
-  void download(const Array& from, RowMatrix& to) override { inner_->download(from, to); }
+  void upload(const RowMatrix& from, Array& to) override {
+    check_host();
+    inner_->upload(from, to);
+  }
+  void download(const Array& from, RowMatrix& to) override {
+    check_host();
+    inner_->download(from, to);
+  }
   void inject(const Array& fine, Array& coarse) override { inner_->inject(fine, coarse); }
   void interpolate(const Array& coarse, const Array* old, Array& fine) override {
     inner_->interpolate(coarse, old, fine);
@@ -146,19 +183,25 @@ class RowBackend final : public Backend {
     return inner_->convolution(weights, rows);
   }
   std::unique_ptr<LcpBatch> shifted_lcp(const LcpMatrix& M, LcpClass c, double D, Index rows) override {
-    return inner_->shifted_lcp(M, c, D, rows);
+    return std::make_unique<LateLcp>(inner_->shifted_lcp(M, c, D, rows));
   }
   std::unique_ptr<March> march(const MarchProblem& problem, Index rows) override {
     return inner_->march(problem, rows);
   }
 
  private:
+  void check_host() const {
+    if (recording_) throw Error("rows", "the host takes part in recorded operations", "", ErrorKind::internal);
+  }
+
   std::unique_ptr<Backend> inner_;
+  bool recording_ = false;
 };
 
 class RowRank final : public Communicator {
  public:
-  RowRank(Backend& local, Communicator& host) : Communicator(host.rank(), host.size()), by_host_{local, host} {}
+  explicit RowRank(Communicator& host)
+      : Communicator(host.rank(), host.size()), carrier_(make_reference_backend()), by_host_{*carrier_, host} {}
   bool moves_rows() const override { return true; }
 
  private:
@@ -168,6 +211,7 @@ class RowRank final : public Communicator {
   void do_maximum(Vector& values) override { host().maximum(values); }
   void do_broadcast(double* values, Index count, int root) override { host().broadcast(values, count, root); }
   void do_shift_rows(const std::vector<RowShift>& rows) override { by_host_.shift(rows); }
+  void do_begin_send(const std::vector<RowShift>& rows) override { by_host_.shift(rows); }
   void do_gather_rows(const Array& values, Array& all) override { by_host_.gather(values, all); }
   void do_broadcast_rows(Array& rows, Index first, Index count, int root) override {
     RowMatrix values = by_host_.rows_here(rows, first, count);
@@ -175,6 +219,7 @@ class RowRank final : public Communicator {
     by_host_.put_rows_here(values, rows, first);
   }
 
+  std::unique_ptr<Backend> carrier_;  ///< has the same arrays
   RankedBackend by_host_;
 };
 
@@ -182,13 +227,11 @@ class RowRank final : public Communicator {
 
 std::unique_ptr<Backend> make_row_backend() { return std::make_unique<RowBackend>(); }
 
-std::unique_ptr<Communicator> make_row_rank(Backend& local, Communicator& host) {
-  return std::make_unique<RowRank>(local, host);
-}
+std::unique_ptr<Communicator> make_row_rank(Communicator& host) { return std::make_unique<RowRank>(host); }
 
 std::unique_ptr<Backend> make_backend_over_rows(Communicator& ranks) {
   auto local = make_row_backend();
-  auto rows = make_row_rank(*local, ranks);
+  auto rows = make_row_rank(ranks);
   return make_slab_backend(std::move(local), std::move(rows));
 }
 

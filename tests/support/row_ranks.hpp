@@ -9,11 +9,12 @@
 
 namespace bromwich {
 
-/// The reference backend, whose arrays are not in reach of the host, with those operations.
+/// The reference backend, whose arrays are not in reach of the host, with those operations. It records like a device:
+/// Error if recorded operations read or write values of the host.
 std::unique_ptr<Backend> make_row_backend();
 
 /// A rank whose rows travel between such backends, by way of `host`.
-std::unique_ptr<Communicator> make_row_rank(Backend& local, Communicator& host);
+std::unique_ptr<Communicator> make_row_rank(Communicator& host);
 
 /// Divides such backends among the ranks; rows travel as arrays.
 std::unique_ptr<Backend> make_backend_over_rows(Communicator& ranks);
