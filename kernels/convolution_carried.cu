@@ -2,8 +2,9 @@
 // group, the exponentials that the group has, 32 modes side by side: what a slab leaves is small where modes forget
 // fast.
 //
-// The state at the end of a slab needs the last rows alone, as many as a group of modes remembers. They are divided
-// among the warps of a block, whose sums are then brought together: z <- E^length z + z of the next warp.
+// The state at the end of a slab comes from what the chunks of a scan add, which the scan itself needs next. In a walk,
+// or a scan of many chunks, it is summed up apart, over as many of the last rows as a group of modes remembers: they
+// are divided among the warps of a block, whose sums are then brought together, z <- E^length z + z of the next warp.
 
 #include "core/slabs/slab_states.hpp"
 #include "kernels/convolution_scan.cuh"
@@ -22,6 +23,7 @@ using namespace scan;
 
 constexpr int warps = group;  ///< of a block: the sums of one exponential each are brought together by one warp
 constexpr int adders = 128;   ///< threads of a block
+constexpr const char* taking = "taking a state";
 
 __device__ double power(double base, int exponent) {
   double result = 1;
@@ -60,12 +62,9 @@ __global__ void __launch_bounds__(lanes* warps)
 #pragma unroll
     for (int g = 0; g < group; ++g) z[g] = E[g] * z[g] + u;
   }
-  double u[tile], next[tile];
-  if (j <= end) read_tile(y + column, m.step, j, last + 1, next);
   for (; j <= end; j += tile) {
-#pragma unroll
-    for (int i = 0; i < tile; ++i) u[i] = next[i];
-    if (j + tile <= end) read_tile(y + column, m.step, j + tile, last + 1, next);
+    double u[tile];
+    read_tile(y + column, m.step, j, last + 1, u);
 #pragma unroll
     for (int i = 0; i < tile; ++i)
 #pragma unroll
@@ -78,6 +77,50 @@ __global__ void __launch_bounds__(lanes* warps)
   double all = 0;
   for (int w = 0; w < warps; ++w) all = over * all + sums[w][warp][lane];
   to[offsets[blockIdx.x] + (k0 + warp) * lanes + lane] = l < m.modes ? all : 0;
+}
+
+// What the last chunk, which need not be full, adds to zero.
+__global__ void __launch_bounds__(lanes* warps) add_last_chunk(Tables m, Span span, const double* y, double* added) {
+  let_next_begin();
+  const int l = int(blockIdx.x) * lanes + int(threadIdx.x), c = span.chunks - 1;
+  const int k0 = int(blockIdx.y * warps + threadIdx.y) * group;
+  const double* const column = y + min(l, m.modes - 1);
+  await_previous();
+  if (k0 >= m.count()) return;
+  double E[group], z[group];
+#pragma unroll
+  for (int g = 0; g < group; ++g) {
+    E[g] = m.decay[(k0 + g) * m.stride + l];
+    z[g] = 0;
+  }
+  for (int j = span.begin(c), end = span.end(c); j < end; j += tile) {
+    double u[tile];
+    read_tile(column, m.step, j, span.rows, u);
+#pragma unroll
+    for (int i = 0; i < tile; ++i)
+      if (j + i < end) {
+#pragma unroll
+        for (int g = 0; g < group; ++g) z[g] = E[g] * z[g] + u[i];
+      }
+  }
+#pragma unroll
+  for (int g = 0; g < group; ++g) added[(long(c) * m.exponentials + k0 + g) * m.stride + l] = z[g];
+}
+
+// The state after the last chunk, from what each of them adds. One thread for an exponential of a mode.
+__global__ void __launch_bounds__(lanes* warps) sum_chunks(Tables m, Span span, const int* offsets, bool first_rank,
+                                                           const double* y, const double* added, double* to) {
+  let_next_begin();
+  const int l = int(blockIdx.x) * lanes + int(threadIdx.x), k = int(blockIdx.y) * group + int(threadIdx.y);
+  if (k >= m.count()) return;
+  const long at = long(k) * m.stride + l, step = long(m.exponentials) * m.stride;
+  const double over = __ldg(m.power + at),
+               over_last = power(__ldg(m.decay + at), span.rows - span.begin(span.chunks - 1));
+  await_previous();
+  double z = first_rank ? m.start[at] * y[min(l, m.modes - 1)] + m.initial[at] : 0;
+  for (int c = 0; c + 1 < span.chunks; ++c) z = over * z + added[c * step + at];
+  z = over_last * z + added[(span.chunks - 1) * step + at];
+  to[offsets[blockIdx.x] + k * lanes + int(threadIdx.x)] = l < m.modes ? z : 0;
 }
 
 __global__ void __launch_bounds__(lanes* warps)
@@ -168,11 +211,18 @@ class CarriedScan final : public CarriedConvolution {
 
   void leave(const Array& y, Array& to, Array* outliving) override {
     const Tables m = scan_->tables();
-    follow(device_, take_state, {across(m), dim3(lanes, warps)}, "taking a state", m, offsets_.data(), known_.data(),
-           last_, rank_ == 0, values(y), values(to));
+    if (const auto chunks = scan_->add_up_chunks(y)) {  // the scan needs all but the last of them anyway
+      const unsigned groups = unsigned((m.exponentials / group + warps - 1) / warps);
+      follow(device_, add_last_chunk, {dim3(groups_, groups), dim3(lanes, warps)}, taking, m, chunks->span, values(y),
+             chunks->added);
+      follow(device_, sum_chunks, {across(m), dim3(lanes, warps)}, taking, m, chunks->span, offsets_.data(), rank_ == 0,
+             values(y), chunks->added, values(to));
+    } else {
+      follow(device_, take_state, {across(m), dim3(lanes, warps)}, taking, m, offsets_.data(), known_.data(), last_,
+             rank_ == 0, values(y), values(to));
+    }
     if (outliving)
-      follow(device_, pick, {blocks(), adders}, "taking a state", values(to), which_.data(), int(lasting),
-             values(*outliving));
+      follow(device_, pick, {blocks(), adders}, taking, values(to), which_.data(), int(lasting), values(*outliving));
   }
 
   void begin(const Array& left, const Array* of_all) override {

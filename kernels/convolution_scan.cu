@@ -9,7 +9,6 @@
 // Where there are enough modes to fill a device, a warp walks through all chunks instead (convolution_walk.cu): y is
 // read once.
 
-#include "core/kernel/shells.hpp"
 #include "kernels/convolution_scan.cuh"
 #include "kernels/entry_powers.hpp"
 #include "kernels/launch.cuh"
@@ -23,13 +22,6 @@
 #include <utility>
 
 namespace bromwich::cuda {
-
-scan::GroupedModes scan::in_groups(const ModalRecurrence& r, Index steps) {
-  Shells shells = in_shells(r, steps, lanes, group);
-  GroupedModes modes{std::move(shells.recurrence), {}};
-  for (const Index count : shells.counts) modes.counts.push_back(int((count + group - 1) / group * group));
-  return modes;
-}
 
 namespace {
 
@@ -273,12 +265,9 @@ class ModalScan final : public Scan {
     const Tables m = tables();
     const Span span{int(from), int(chunks_), int(length_), int(rows_)};
     if (walk_) return walk_->run(m, span, values(y), states_.data(), values(v));
-    const unsigned across = unsigned(stride_ / lanes), along = unsigned(chunks_ - from);
-    const unsigned groups = unsigned(std::min<Index>(K_ / group, most_groups)),
+    const unsigned across = unsigned(stride_ / lanes), along = unsigned(chunks_ - from),
                    slabs = unsigned(rounded_up(K_, slab_size) / slab_size);
-    if (along > 1)
-      follow(device_, accumulate, {dim3(across, along - 1, slabs), dim3(lanes, groups)}, starting, m, span, values(y),
-             added_.data());
+    if (!std::exchange(accumulated_, false)) add_up(m, span, y);
     const unsigned together_k = unsigned(rounded_up(K_, segments) / segments);
     if (along <= few_carried)
       follow(device_, carry_few, {dim3(across, together_k), dim3(lanes, segments)}, starting, m, span, values(y),
@@ -297,6 +286,14 @@ class ModalScan final : public Scan {
                                                            tables_.data() + 4 * K_ * stride_);
     check(cudaGetLastError(), starting);
     device_.note_work();
+  }
+
+  std::optional<Chunks> add_up_chunks(const Array& y) override {
+    if (walk_ || chunks_ > few_carried || rows_ < 2) return std::nullopt;
+    const Span span{0, int(chunks_), int(length_), int(rows_)};
+    add_up(tables(), span, y);
+    accumulated_ = true;
+    return Chunks{span, added_.data()};
   }
 
   Tables tables() const override {
@@ -328,6 +325,15 @@ class ModalScan final : public Scan {
     check(cudaFuncSetAttribute(apply_chunks<share>, cudaFuncAttributeMaxDynamicSharedMemorySize,
                                int(Slab<share>::bytes(slab_size))),
           "reserving shared memory");
+  }
+
+  // What chunks with a successor add.
+  void add_up(const Tables& m, const Span& span, const Array& y) {
+    const unsigned along = unsigned(span.chunks - span.from), slabs = unsigned(rounded_up(K_, slab_size) / slab_size),
+                   groups = unsigned(std::min<Index>(K_ / group, most_groups));
+    if (along > 1)
+      follow(device_, accumulate, {dim3(unsigned(stride_ / lanes), along - 1, slabs), dim3(lanes, groups)}, starting, m,
+             span, values(y), added_.data());
   }
 
   template <int share>
@@ -372,6 +378,7 @@ class ModalScan final : public Scan {
   Memory<double> tables_, states_, added_;
   Memory<int> counts_;
   std::optional<Walk> walk_;  ///< many modes: a warp takes all chunks
+  bool accumulated_ = false;  ///< the states that chunks add are those of the next y
 };
 
 }  // namespace
@@ -383,11 +390,6 @@ std::unique_ptr<Scan> scan::make_scan(const Device& device, const ModalRecurrenc
 
 std::unique_ptr<Convolution> make_modal_scan(const Device& device, const ModalRecurrence& r, Index modes, Index rows) {
   return std::make_unique<ModalScan>(device, r, modes, rows, std::vector<int>{});
-}
-
-std::unique_ptr<Convolution> make_shell_scan(const Device& device, const ModalRecurrence& r, Index rows) {
-  const GroupedModes modes = in_groups(r, std::max<Index>(rows - 1, 1));
-  return std::make_unique<ModalScan>(device, modes.recurrence, r.modes(), rows, modes.counts);
 }
 
 }  // namespace bromwich::cuda

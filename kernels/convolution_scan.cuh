@@ -4,6 +4,7 @@
 #include "kernels/device.hpp"
 
 #include <memory>
+#include <optional>
 #include <vector>
 
 namespace bromwich::cuda::scan {
@@ -37,6 +38,15 @@ class Scan : public Convolution {
   virtual Tables tables() const = 0;
   /// The table of the same name, K x `stride`, which may change between calls of apply.
   virtual double* initial() = 0;
+
+  /// The states that chunks add to zero: [chunk][K][stride].
+  struct Chunks {
+    Span span;
+    double* added;
+  };
+  /// Computes those of all chunks but the last, of which the next `apply`, to the same y, makes use. Nothing where
+  /// there are no chunks, or many.
+  virtual std::optional<Chunks> add_up_chunks(const Array& y) = 0;
 };
 /// The rates that each group of `lanes` modes needs (core/kernel/shells.hpp), counts being multiples of `group`.
 struct GroupedModes {

@@ -8,7 +8,6 @@
 #include <algorithm>
 #include <array>
 #include <cstdint>
-#include <optional>
 #include <string>
 #include <vector>
 
@@ -31,45 +30,11 @@ void check(cudaError_t status, const char* what) {
               ErrorKind::device);
 }
 
-/// A stream beside another one, between two points of it.
-class Aside {
- public:
-  Aside() {
-    check(cudaStreamCreateWithFlags(&stream_, cudaStreamNonBlocking), "making a stream");
-    for (cudaEvent_t* event : {&begun_, &ended_})
-      check(cudaEventCreateWithFlags(event, cudaEventDisableTiming), "making an event");
-  }
-  ~Aside() {
-    for (cudaEvent_t event : {begun_, ended_}) cudaEventDestroy(event);
-    cudaStreamDestroy(stream_);
-  }
-  Aside(const Aside&) = delete;
-  Aside& operator=(const Aside&) = delete;
-
-  cudaStream_t begin(cudaStream_t other) {
-    order(begun_, other, stream_);
-    return stream_;
-  }
-  void done() { check(cudaEventRecord(ended_, stream_), shifting); }
-  void end(cudaStream_t other) { check(cudaStreamWaitEvent(other, ended_, 0), shifting); }
-
- private:
-  static void order(cudaEvent_t event, cudaStream_t before, cudaStream_t after) {
-    check(cudaEventRecord(event, before), shifting);
-    check(cudaStreamWaitEvent(after, event, 0), shifting);
-  }
-
-  cudaStream_t stream_ = nullptr;
-  cudaEvent_t begun_ = nullptr, ended_ = nullptr;
-};
-
 class NcclCommunicator final : public Communicator {
  public:
   NcclCommunicator(Communicator& job, const ncclUniqueId& id, const SharedMemory::Place& place)
       : Communicator(job.rank(), job.size()), job_(job), stream_(reinterpret_cast<cudaStream_t>(place.stream)) {
     check(cudaSetDevice(place.number), "choosing the device");
-    in_.emplace();
-    out_.emplace();
     checked(ncclCommInitRank(&ranks_, size(), id, rank()), "joining the ranks");
   }
   ~NcclCommunicator() override { ncclCommDestroy(ranks_); }
@@ -84,32 +49,14 @@ class NcclCommunicator final : public Communicator {
 
   void do_shift_rows(const std::vector<RowShift>& rows) override {
     checked(ncclGroupStart(), shifting);
-    send(rows, stream_);
-    receive(rows, stream_);
+    for (const RowShift& one : rows) {
+      const std::size_t count = values_of(*one.from, one.count);
+      if (rank() + 1 < size())
+        checked(ncclSend(row(*one.from, one.from_row), count, ncclDouble, rank() + 1, ranks_, stream_), shifting);
+      if (rank() > 0)
+        checked(ncclRecv(row(*one.to, one.to_row), count, ncclDouble, rank() - 1, ranks_, stream_), shifting);
+    }
     checked(ncclGroupEnd(), shifting);
-  }
-
-  void do_begin_receive(const std::vector<RowShift>& rows) override {
-    if (rank() == 0) return;
-    const cudaStream_t stream = in_->begin(stream_);
-    checked(ncclGroupStart(), shifting);
-    receive(rows, stream);
-    checked(ncclGroupEnd(), shifting);
-    in_->done();
-  }
-  void do_begin_send(const std::vector<RowShift>& rows) override {
-    if (rank() + 1 == size()) return;
-    const cudaStream_t stream = out_->begin(stream_);
-    checked(ncclGroupStart(), shifting);
-    send(rows, stream);
-    checked(ncclGroupEnd(), shifting);
-    out_->done();
-  }
-  void do_end_receive(const std::vector<RowShift>&) override {
-    if (rank() > 0) in_->end(stream_);
-  }
-  void do_end_send() override {
-    if (rank() + 1 < size()) out_->end(stream_);
   }
 
   void do_gather_rows(const Array& values, Array& all) override {
@@ -121,21 +68,6 @@ class NcclCommunicator final : public Communicator {
     checked(ncclBroadcast(both, both, values_of(rows, count), ncclDouble, root, ranks_, stream_), "a broadcast");
   }
 
-  void send(const std::vector<RowShift>& rows, cudaStream_t stream) {
-    for (const RowShift& one : rows)
-      if (rank() + 1 < size())
-        checked(ncclSend(row(*one.from, one.from_row), values_of(*one.from, one.count), ncclDouble, rank() + 1, ranks_,
-                         stream),
-                shifting);
-  }
-  void receive(const std::vector<RowShift>& rows, cudaStream_t stream) {
-    for (const RowShift& one : rows)
-      if (rank() > 0)
-        checked(
-            ncclRecv(row(*one.to, one.to_row), values_of(*one.to, one.count), ncclDouble, rank() - 1, ranks_, stream),
-            shifting);
-  }
-
   // Rows have their padding with them.
   static std::size_t values_of(const Array& array, Index rows) {
     return std::size_t(rows * cuda::stride(array.cols()));
@@ -145,7 +77,6 @@ class NcclCommunicator final : public Communicator {
 
   Communicator& job_;
   cudaStream_t stream_;
-  std::optional<Aside> in_, out_;
   ncclComm_t ranks_ = nullptr;
 };
 

@@ -23,7 +23,6 @@ void SpaceTimeKernel::apply(const Array& y, Array& v, Index first) {
     convolution_seconds += timer.lap();
     return;
   }
-  expect_modes();
   sine_->apply(y, nullptr, *y_modes_, first);
   transform_seconds += timer.lap();
   convolution_->apply(*y_modes_, *v_modes_, first);
@@ -47,23 +46,17 @@ void SpaceTimeKernel::apply_injected_modes(const SpaceTimeKernel& fine, Array& v
   transform_seconds += timer.lap();
 }
 
-void SpaceTimeKernel::expect_modes() {
-  if (convolution_->expect) convolution_->expect(*y_modes_);
-}
-
 bool SpaceTimeKernel::sweeps(const LcpBatch& lcp) const { return sine_ && lcp.submit_in_modes; }
 
 // Between two convolutions the batch reads v and writes y in modes.
 void SpaceTimeKernel::sweep(LcpBatch& lcp, const Array& r, Array& y, Array& v, SweepOrder order) {
   if (order.before) {
-    expect_modes();
     sine_->apply(y, nullptr, *y_modes_, 0);
     convolution_->apply(*y_modes_, *v_modes_, 0);
   }
   bool in_modes = order.before;
   for (int i = 1; i <= order.count; ++i, in_modes = true) {
     const bool more = i < order.count || order.behind;
-    if (more) expect_modes();
     lcp.submit_in_modes(*sine_, r, in_modes ? *v_modes_ : v, in_modes, y, more ? y_modes_.get() : nullptr, 1);
     if (more) convolution_->apply(*y_modes_, *v_modes_, 0);
   }

@@ -41,8 +41,6 @@ class SpaceTimeKernel {
   double transform_seconds = 0, convolution_seconds = 0;
 
  private:
-  void expect_modes();
-
   Backend& backend_;
   std::unique_ptr<Convolution> convolution_, start_;
   std::unique_ptr<SineTransform> sine_;

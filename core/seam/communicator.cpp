@@ -36,19 +36,10 @@ void Communicator::broadcast(double* values, Index count, int root) {
   do_broadcast(values, count, root);
 }
 
-void Communicator::count_shift(const std::vector<RowShift>& rows) {
+void Communicator::shift(const std::vector<RowShift>& rows) {
   for (const RowShift& one : rows)
     if (rank() + 1 < size()) sent_.shifted += sizeof(double) * std::size_t(one.count * one.from->cols());
-}
-
-void Communicator::shift(const std::vector<RowShift>& rows) {
-  count_shift(rows);
   do_shift_rows(rows);
-}
-
-void Communicator::begin_send(const std::vector<RowShift>& rows) {
-  count_shift(rows);
-  do_begin_send(rows);
 }
 
 void Communicator::gather(const Array& values, Array& all) {

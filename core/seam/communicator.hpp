@@ -52,13 +52,6 @@ class Communicator {
   virtual bool moves_rows() const { return false; }
   /// Like `shift`, of all these rows. The last rank sends nothing, and the first one keeps its rows.
   void shift(const std::vector<RowShift>&);
-  /// The same in parts, beside other work of the device. `begin_receive`: the rows `to` may change from now on.
-  /// `begin_send`: the rows `from` are there, and stay. The ends are points of the stream after which they have arrived
-  /// or may change. Each is called once for a message, in this order, with the same rows.
-  void begin_receive(const std::vector<RowShift>& rows) { do_begin_receive(rows); }
-  void begin_send(const std::vector<RowShift>&);
-  void end_receive(const std::vector<RowShift>& rows) { do_end_receive(rows); }
-  void end_send() { do_end_send(); }
   /// Row r of `all` <- the one row of `values` of rank r.
   void gather(const Array& values, Array& all);
   /// Rows first .. first + count - 1 of rank `root` on all ranks.
@@ -73,14 +66,8 @@ class Communicator {
   virtual void do_maximum(Vector& values) = 0;  ///< without NaN
   virtual void do_broadcast(double* values, Index count, int root) = 0;
   virtual void do_shift_rows(const std::vector<RowShift>&) {}
-  virtual void do_begin_receive(const std::vector<RowShift>&) {}
-  virtual void do_begin_send(const std::vector<RowShift>&) {}
-  virtual void do_end_receive(const std::vector<RowShift>&) {}
-  virtual void do_end_send() {}
   virtual void do_gather_rows(const Array&, Array&) {}
   virtual void do_broadcast_rows(Array&, Index, Index, int) {}
-
-  void count_shift(const std::vector<RowShift>&);
 
   const int rank_, size_;
   Traffic sent_;

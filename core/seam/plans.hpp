@@ -39,10 +39,6 @@ class Convolution : public Plan {
   /// Whether Backend::record can take it.
   virtual bool recorded() const { return true; }
 
-  /// Optional: the next call is apply(y, ., .), with other rows of y to be written before it. What y needs from
-  /// elsewhere may begin to arrive.
-  std::function<void(const Array& y)> expect;
-
   /// Optional, for a modal recurrence with an `initial`: from now on x0 contributes Σ_k D_k E_k^j to row j >= 1 of each
   /// mode, D: K x n. Empty: another x0 needs another plan.
   std::function<void(const Array& D)> start_from;

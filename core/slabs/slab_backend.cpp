@@ -65,6 +65,7 @@ class SlabBackend final : public Backend {
 
   DeviceInfo device() const override {
     DeviceInfo info = local_->device();
+    info.memory *= ranks();  // arrays are divided
     info.detail += (info.detail.empty() ? "" : ", ") + std::to_string(ranks()) + " ranks";
     return info;
   }

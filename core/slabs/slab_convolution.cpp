@@ -144,32 +144,19 @@ class CarriedSlabs final : public Convolution {
     start_from = [this](const Array& D) {
       if (ranked_.first()) plan_->start_from(local_part(D));
     };
-    if (ranked.communicator.moves_rows())
-      expect = [this](const Array& y) {
-        ranked_.communicator.begin_receive(message(local_part(y)));
-        expected_ = true;
-      };
   }
 
   void apply(const Array& y, Array& v, Index first) override {
-    const Index here = slabs_.here(first);
-    const bool idle = here >= slabs_.rows();
+    const Index here = slabs_.here(first), last = slabs_.rows() - 1;
+    const bool idle = here > last;  // what an idle rank leaves is that of the call before
     Array& rows = local_part(y);
-    if (ranked_.communicator.moves_rows()) {
-      if (!std::exchange(expected_, false)) ranked_.communicator.begin_receive(message(rows));
-      leave(rows, idle);
-      ranked_.communicator.begin_send(message(rows));
-      ranked_.communicator.end_receive(message(rows));
-    } else {
-      leave(rows, idle);
-      ranked_.shift(message(rows));
-    }
+    if (!idle || !has_left_) plan_->leave(rows, *left_, outliving_.get());
+    has_left_ = true;
+    ranked_.shift({{left_.get(), 0, received_.get(), 0, 1}, {&rows, last, &rows, 0, 1}});
     if (outliving_) ranked_.gather(*outliving_, *of_all_);
-    if (!idle) {
-      if (!ranked_.first()) plan_->begin(*received_, of_all_.get());
-      plan_->apply(rows, local_part(v), here > slabs_.own() ? here : 0);
-    }
-    if (ranked_.communicator.moves_rows()) ranked_.communicator.end_send();
+    if (idle) return;
+    if (!ranked_.first()) plan_->begin(*received_, of_all_.get());
+    plan_->apply(rows, local_part(v), here > slabs_.own() ? here : 0);
   }
   bool recorded() const override { return ranked_.communicator.moves_rows(); }
 
@@ -179,21 +166,11 @@ class CarriedSlabs final : public Convolution {
   }
 
  private:
-  // The state at the end of a slab, and the last row of y.
-  std::vector<RowShift> message(Array& y) const {
-    return {{left_.get(), 0, received_.get(), 0, 1}, {&y, slabs_.rows() - 1, &y, 0, 1}};
-  }
-  // What an idle rank leaves is that of the call before.
-  void leave(const Array& y, bool idle) {
-    if (!ranked_.last() && (!idle || !has_left_)) plan_->leave(y, *left_, outliving_.get());
-    has_left_ = true;
-  }
-
   RankedBackend ranked_;
   Slabs slabs_;
   std::unique_ptr<CarriedConvolution> plan_;
   std::unique_ptr<Array> left_, received_, outliving_, of_all_;
-  bool has_left_ = false, expected_ = false;
+  bool has_left_ = false;
 };
 
 }  // namespace

@@ -211,7 +211,6 @@ class RowRank final : public Communicator {
   void do_maximum(Vector& values) override { host().maximum(values); }
   void do_broadcast(double* values, Index count, int root) override { host().broadcast(values, count, root); }
   void do_shift_rows(const std::vector<RowShift>& rows) override { by_host_.shift(rows); }
-  void do_begin_send(const std::vector<RowShift>& rows) override { by_host_.shift(rows); }
   void do_gather_rows(const Array& values, Array& all) override { by_host_.gather(values, all); }
   void do_broadcast_rows(Array& rows, Index first, Index count, int root) override {
     RowMatrix values = by_host_.rows_here(rows, first, count);
