@@ -32,7 +32,9 @@ __device__ double power(double base, int exponent) {
   return result;
 }
 
-// One block for `group` exponentials of `lanes` modes. Rows 1 .. last; `known` of them are remembered.
+// One block for `group` exponentials of `lanes` modes. Rows 1 .. last; `known` of them are remembered. `ahead`: the
+// next tile is read while one is summed up, where there are too few blocks to hide the time of a read.
+template <bool ahead>
 __global__ void __launch_bounds__(lanes* warps)
     take_state(Tables m, const int* offsets, const int* known, int last, bool first_rank, const double* y, double* to) {
   __shared__ double sums[warps][group][lanes];
@@ -62,9 +64,16 @@ __global__ void __launch_bounds__(lanes* warps)
 #pragma unroll
     for (int g = 0; g < group; ++g) z[g] = E[g] * z[g] + u;
   }
+  double u[tile], next[tile];
+  if (ahead && j <= end) read_tile(y + column, m.step, j, last + 1, next);
   for (; j <= end; j += tile) {
-    double u[tile];
-    read_tile(y + column, m.step, j, last + 1, u);
+    if constexpr (ahead) {
+#pragma unroll
+      for (int i = 0; i < tile; ++i) u[i] = next[i];
+      if (j + tile <= end) read_tile(y + column, m.step, j + tile, last + 1, next);
+    } else {
+      read_tile(y + column, m.step, j, last + 1, u);
+    }
 #pragma unroll
     for (int i = 0; i < tile; ++i)
 #pragma unroll
@@ -218,8 +227,9 @@ class CarriedScan final : public CarriedConvolution {
       follow(device_, sum_chunks, {across(m), dim3(lanes, warps)}, taking, m, chunks->span, offsets_.data(), rank_ == 0,
              values(y), chunks->added, values(to));
     } else {
-      follow(device_, take_state, {across(m), dim3(lanes, warps)}, taking, m, offsets_.data(), known_.data(), last_,
-             rank_ == 0, values(y), values(to));
+      const bool few = groups_ * unsigned(m.exponentials / group) <= unsigned(2 * device_.multiprocessors());
+      follow(device_, few ? take_state<true> : take_state<false>, {across(m), dim3(lanes, warps)}, taking, m,
+             offsets_.data(), known_.data(), last_, rank_ == 0, values(y), values(to));
     }
     if (outliving)
       follow(device_, pick, {blocks(), adders}, taking, values(to), which_.data(), int(lasting), values(*outliving));
