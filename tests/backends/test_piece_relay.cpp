@@ -125,8 +125,9 @@ TEST(Unpacking, GivesTheRowsBack) {
             ASSERT_EQ(std::bit_cast<std::uint64_t>(target[shift + j * cols + i]),
                       std::bit_cast<std::uint64_t>(all[j * step + i]))
                 << step << " " << zeros << " " << shift << " " << j << " " << i;
-        for (std::size_t i = 0; i < target.size(); ++i)
+        for (std::size_t i = 0; i < target.size(); ++i) {
           if (i < shift || i >= shift + cols * rows) ASSERT_EQ(target[i], -7.0) << i;
+        }
       }
 }
 
