@@ -26,6 +26,7 @@ if(CMAKE_SCRIPT_MODE_FILE)
   set(all_skipped "PASSED  . 0 tests.${newline}(.  SKIPPED [^${newline}]*${newline})+$")
   set(lines "")
   foreach(suite IN LISTS suites)
+    list(LENGTH tests_of_${suite} count) # the longest begin first, as far as this tells
     set(tests ${suite}.*)
     if(NOT FILTER STREQUAL "*")
       list(JOIN tests_of_${suite} ":" tests)
@@ -34,7 +35,7 @@ if(CMAKE_SCRIPT_MODE_FILE)
       APPEND
       lines
       "add_test([=[${PREFIX}${suite}]=] [=[${PROGRAM}]=] [=[--gtest_filter=${tests}]=])\n"
-      "set_tests_properties([=[${PREFIX}${suite}]=] PROPERTIES ENVIRONMENT [=[${ENVIRONMENT}]=] TIMEOUT 1500"
+      "set_tests_properties([=[${PREFIX}${suite}]=] PROPERTIES ENVIRONMENT [=[${ENVIRONMENT}]=] TIMEOUT 1500 COST ${count}"
       " SKIP_REGULAR_EXPRESSION [=[${all_skipped}]=])\n")
   endforeach()
   file(WRITE ${OUTPUT} "${lines}")
