@@ -1,4 +1,4 @@
-// `bromwich bench` where the studies are not built: preset `first`, and a Python package that is compiled on installation.
+// `bromwich bench` where the studies are not built: preset `first`, and the Python package that pip compiles.
 
 #include "app/commands.hpp"
 #include "core/base/error.hpp"
