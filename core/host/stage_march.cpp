@@ -4,7 +4,6 @@
 
 #include "core/base/denormals.hpp"
 #include "core/host/stage_steps.hpp"
-#include "core/numerics/sine_basis.hpp"
 
 #include <cmath>
 
@@ -16,7 +15,7 @@ class Stages {
  public:
   explicit Stages(const StageProblem& p) : problem_(p), asked_to_stop_(p), rows_(p.g.rows()), steps_(p) {
     if (!p.modal) return;
-    S_ = sine_matrix(p.modal->along.size());
+    V_ = p.modal->face.matrix();
     if (!p.components.empty()) across_ = p.modal->across;
   }
 
@@ -69,7 +68,7 @@ class Stages {
   // N x of all rows from modes, and row 0 from x0 itself.
   void finish_modes(StageSolution& out) const {
     const Index valid = out.report.stopped >= 0 ? out.report.stopped : rows_;
-    if (valid > 0) out.v.topRows(valid) = (out.v.topRows(valid) * S_).eval();
+    if (valid > 0) out.v.topRows(valid) = (out.v.topRows(valid) * V_.transpose()).eval();
   }
 
   void record(const Vector& x, Index j, StageSolution& out) const {
@@ -100,7 +99,7 @@ class Stages {
     const ModalStages& modal = *problem_.modal;
     const Index n = modal.along.size(), K = modal.rates.size();
     const Eigen::Map<const RowMatrix> z(x.data(), K, n);
-    const Matrix state = across_ * z * S_;  // positions x lines
+    const Matrix state = across_ * z * V_.transpose();  // positions x lines
     for (std::size_t c = 0; c < problem_.components.size(); ++c) {
       const Index i = problem_.components[c];
       out.x(j, Index(c)) = j == 0 ? problem_.x0[i] : state(i % K, i / K);
@@ -111,7 +110,7 @@ class Stages {
   Poll asked_to_stop_;
   Index rows_;
   StageSteps steps_;
-  Matrix S_, across_;  ///< sine matrices along and across the lines of a Kronecker sum
+  Matrix V_, across_;  ///< modes of the face and of the lines of a Kronecker sum
 };
 
 }  // namespace

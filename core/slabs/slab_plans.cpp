@@ -8,9 +8,9 @@ namespace bromwich {
 
 namespace {
 
-class SlabTransform final : public SineTransform {
+class SlabTransform final : public RowTransform {
  public:
-  SlabTransform(std::unique_ptr<SineTransform> local, const Slabs& slabs) : local_(std::move(local)), slabs_(slabs) {}
+  SlabTransform(std::unique_ptr<RowTransform> local, const Slabs& slabs) : local_(std::move(local)), slabs_(slabs) {}
 
   void apply(const Array& in, const Array* add, Array& out, Index first) override {
     const Index here = slabs_.here(first);
@@ -19,7 +19,7 @@ class SlabTransform final : public SineTransform {
   std::size_t bytes() const override { return local_->bytes(); }
 
  private:
-  std::unique_ptr<SineTransform> local_;
+  std::unique_ptr<RowTransform> local_;
   Slabs slabs_;
 };
 
@@ -192,7 +192,7 @@ class SlabMarch final : public March {
 
 }  // namespace
 
-std::unique_ptr<SineTransform> make_slab_transform(std::unique_ptr<SineTransform> local, const Slabs& slabs) {
+std::unique_ptr<RowTransform> make_slab_transform(std::unique_ptr<RowTransform> local, const Slabs& slabs) {
   return std::make_unique<SlabTransform>(std::move(local), slabs);
 }
 std::unique_ptr<LcpBatch> make_slab_lcp(const RankedBackend& ranked, std::unique_ptr<LcpBatch> local,
