@@ -15,6 +15,7 @@
 #include "core/kernel/response.hpp"
 #include "core/lcp/lcp_class.hpp"
 #include "core/lcp/solution.hpp"
+#include "core/numerics/sine_basis.hpp"
 
 #include <algorithm>
 #include <cmath>
