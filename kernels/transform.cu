@@ -6,12 +6,14 @@
 #include "kernels/parts.hpp"
 
 #include "core/base/error.hpp"
-#include "core/kernel/response.hpp"
+#include "core/numerics/sine_basis.hpp"
 
 #include <cufft.h>
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
+#include <utility>
 
 namespace bromwich::cuda {
 
