@@ -3,10 +3,12 @@
 #include <bromwich/core/base/error.hpp>
 #include <bromwich/core/lcp/active_set.hpp>
 #include <bromwich/core/seam/shared_memory.hpp>
+#include "face_oracle.hpp"
 #else
 #include "core/base/error.hpp"
 #include "core/lcp/active_set.hpp"
 #include "core/seam/shared_memory.hpp"
+#include "tests/support/face_oracle.hpp"
 #include "tests/support/reference_backend.hpp"
 #endif
 
@@ -34,66 +36,12 @@ std::size_t bytes_of(const Eigen::MatrixBase<Derived>& a) {
   return sizeof(double) * std::size_t(a.size());
 }
 
-Matrix sine_matrix(Index n) {
-  Matrix S(n, n);
-  for (Index i = 1; i <= n; ++i)
-    for (Index k = 1; k <= n; ++k)
-      S(i - 1, k - 1) =
-          std::sqrt(2 / double(n + 1)) * std::sin(std::numbers::pi * double(i * k % (2 * (n + 1))) / double(n + 1));
-  return S;
-}
-
-// The Kronecker product over the directions of a face, entry by entry: modes in columns.
-Matrix modes_of(const FaceBasis& basis) {
-  Matrix V = Matrix::Ones(1, 1);
-  for (const LineBasis& line : basis.directions()) {
-    const Index n = line.points;
-    const Matrix outer = V, inner = line.V ? *line.V : sine_matrix(n);
-    V.resize(outer.rows() * n, outer.cols() * n);
-    for (Index i = 0; i < V.rows(); ++i)
-      for (Index j = 0; j < V.cols(); ++j) V(i, j) = outer(i / n, j / n) * inner(i % n, j % n);
-  }
-  return V;
-}
-
 class NaiveTransform final : public RowTransform {
  public:
-  explicit NaiveTransform(Matrix S) : S_(std::move(S)) {}
+  NaiveTransform(const FaceBasis& basis, Way way) : transform_(basis, way) {}
   void apply(const Array& in, const Array* add, Array& out, Index first) override {
     for (Index j = first; j < in.rows(); ++j) {
-      Vector v = S_ * values(in).row(j).transpose();
-      if (add) v += values(*add).row(j).transpose();
-      values(out).row(j) = v.transpose();
-    }
-  }
-  std::size_t bytes() const override { return bytes_of(S_); }
-
- private:
-  Matrix S_;
-};
-
-// Direction after direction: all points of a line of the face, for each mode.
-class NaiveFaceTransform final : public RowTransform {
- public:
-  NaiveFaceTransform(const FaceBasis& basis, Way way) {
-    for (const LineBasis& line : basis.directions()) {
-      const Matrix V = line.V ? *line.V : sine_matrix(line.points);
-      directions_.push_back(way == Way::to_modes ? Matrix(V.transpose()) : V);
-    }
-  }
-  void apply(const Array& in, const Array* add, Array& out, Index first) override {
-    for (Index j = first; j < in.rows(); ++j) {
-      Vector v = values(in).row(j).transpose();
-      Index stride = v.size();
-      for (const Matrix& P : directions_) {
-        stride /= P.rows();
-        Vector next = Vector::Zero(v.size());
-        for (Index i = 0; i < v.size(); ++i) {
-          const Index at = i / stride % P.rows();
-          for (Index k = 0; k < P.rows(); ++k) next[i] += P(at, k) * v[i + (k - at) * stride];
-        }
-        v = next;
-      }
+      Vector v = transform_(values(in).row(j).transpose());
       if (add) v += values(*add).row(j).transpose();
       values(out).row(j) = v.transpose();
     }
@@ -101,7 +49,7 @@ class NaiveFaceTransform final : public RowTransform {
   std::size_t bytes() const override { return 0; }
 
  private:
-  std::vector<Matrix> directions_;
+  FaceOracle transform_;
 };
 
 // Steps the state z of a recurrence: `known` is v_j without W_0 u_j, `take` advances with u_j.
@@ -293,8 +241,9 @@ class NaiveMarch final : public ImmediateMarch {
   MarchReport run(Array& y, Array& v) override {
     RowMatrix &Y = values(y), &V = values(v);
     const Index n = Y.cols();
-    const Matrix M = to_dense(*problem_.M), Q = modal_ ? modes_of(std::get<const ModalRecurrence*>(weights_)->basis())
-                                                       : Matrix(Matrix::Identity(n, n));
+    const Matrix M = to_dense(*problem_.M);
+    const Matrix Q = modal_ ? FaceOracle(std::get<const ModalRecurrence*>(weights_)->basis(), Way::to_points).matrix()
+                            : Matrix(Matrix::Identity(n, n));
     Matrix W(n, n);
     const auto z = recursion(weights_, &problem_);
     for (Index i = 0; i < n; ++i) W.col(i) = Q * z->implicit(Q.row(i).transpose());
@@ -370,7 +319,7 @@ class ReferenceBackend final : public Backend, public SharedMemory {
  public:
   ReferenceBackend() : Backend("reference") {
     fused_.face_transform = [](const FaceBasis& basis, Index, Way way) {
-      return std::make_unique<NaiveFaceTransform>(basis, way);
+      return std::make_unique<NaiveTransform>(basis, way);
     };
   }
   DeviceInfo device() const override { return {"naive loops", 1, ""}; }
@@ -410,7 +359,7 @@ class ReferenceBackend final : public Backend, public SharedMemory {
     values(q) += values(y) * to_dense(M).transpose();
   }
   std::unique_ptr<RowTransform> sine_transform(Index n, Index) override {
-    return std::make_unique<NaiveTransform>(sine_matrix(n));
+    return std::make_unique<NaiveTransform>(FaceBasis{n}, Way::to_modes);
   }
   std::unique_ptr<Convolution> convolution(WeightsRef weights, Index) override {
     return std::make_unique<NaiveConvolution>(weights);
