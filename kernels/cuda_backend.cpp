@@ -70,8 +70,8 @@ class CudaBackend final : public Backend, public SharedMemory {
                                      Array& coarse_r, Array& coarse_y, Array& old) {
       cuda::restrict_stages(device_, r, v, y, coarse_v, coarse_r, coarse_y, old);
     };
-    fused_.face_transform = [this](const std::vector<Index>& extents, Index) {
-      return cuda::make_face_transform(device_, extents);
+    fused_.face_transform = [this](const FaceBasis& basis, Index, Way way) {
+      return cuda::make_face_transform(device_, basis, way);
     };
     fused_.projected_sweeps = [this](const ProjectedSweeps& sweeps, Index rows) {
       return cuda::make_projected_sweeps(device_, sweeps, rows);
@@ -137,7 +137,7 @@ class CudaBackend final : public Backend, public SharedMemory {
     return cuda::make_differences(device_, slots);
   }
 
-  std::unique_ptr<SineTransform> sine_transform(Index n, Index rows) override {
+  std::unique_ptr<RowTransform> sine_transform(Index n, Index rows) override {
     return cuda::make_sine_transform(device_, n, rows);
   }
   std::unique_ptr<Convolution> convolution(WeightsRef weights, Index rows) override {

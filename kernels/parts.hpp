@@ -10,15 +10,17 @@
 
 namespace bromwich::cuda {
 
-std::unique_ptr<SineTransform> make_sine_transform(const Device&, Index n, Index rows);
+std::unique_ptr<RowTransform> make_sine_transform(const Device&, Index n, Index rows);
 /// The three implementations: one kernel for n + 1 a power of two, 16 to 4096 (`has_sine_rows`), a product with the
 /// dense matrix, and cuFFT.
 bool has_sine_rows(Index n);
-std::unique_ptr<SineTransform> make_sine_rows(const Device&, Index n);
-std::unique_ptr<SineTransform> make_sine_product(const Device&, Index n);
-std::unique_ptr<SineTransform> make_sine_fft(const Device&, Index n, Index rows);
-/// Null unless there are two directions.
-std::unique_ptr<SineTransform> make_face_transform(const Device&, const std::vector<Index>& extents);
+std::unique_ptr<RowTransform> make_sine_rows(const Device&, Index n);
+std::unique_ptr<RowTransform> make_sine_product(const Device&, Index n);
+std::unique_ptr<RowTransform> make_sine_fft(const Device&, Index n, Index rows);
+/// Rows P^T for an n x n matrix P.
+std::unique_ptr<RowTransform> make_row_product(const Device&, const Matrix& P);
+/// Null above two directions. A side with sine modes takes `make_sine_transform`.
+std::unique_ptr<RowTransform> make_face_transform(const Device&, const FaceBasis&, Way);
 std::unique_ptr<Convolution> make_convolution(const Device&, const DenseRecurrence&, Index rows);
 std::unique_ptr<Convolution> make_convolution(const Device&, const ModalRecurrence&, Index rows);
 /// The two implementations, used alone or on different modes. The scan takes modes 0 .. modes - 1. The direct sum takes

@@ -2,6 +2,7 @@
 
 #include "../dynamics/dynamics.hpp"
 #include "../lcp/matrix.hpp"
+#include "../numerics/face_basis.hpp"
 #include "pole_model.hpp"
 
 #include <functional>
@@ -15,6 +16,7 @@ namespace bromwich {
 /// Rates are the eigenvalues of a line, and z the state in modes, or fewer ones that represent the transfer function of
 /// a line (core/kernel/transfer_fit.hpp); the state is not known then.
 struct ModalStages {
+  FaceBasis face;        ///< V
   Vector along;          ///< n: mu
   Vector rates;          ///< K: s
   Vector input, output;  ///< K: i, o

@@ -1,7 +1,5 @@
 #include "core/host/stage_steps.hpp"
 
-#include "core/numerics/sine_basis.hpp"
-
 #include <algorithm>
 #include <cmath>
 
@@ -25,7 +23,7 @@ StageSteps::StageSteps(const StageProblem& p)
   touching.assign(std::size_t(p.g.cols() / p.stages), false);
   regular = Vector::Zero(p.g.cols() / p.stages);
   if (p.modal) {
-    S_ = sine_matrix(p.modal->along.size());
+    V_ = p.modal->face.matrix();
     rigid_.assign(touching.size(), p.modal->direct == 0 && diagonal(*p.M).isZero(0));
     return;
   }
@@ -94,7 +92,7 @@ bool StageSteps::moves(const Vector& y, const Stepper& step, double h, const Vec
                        const Vector& after) const {
   const auto state = [&](const Vector& x) {
     if (problem_.poles) return Vector(problem_.poles->output.topRows(NB_.rows()) * x);
-    return problem_.modal ? Vector(S_ * seen_in_modes(*problem_.modal, x)) : x;
+    return problem_.modal ? Vector(V_ * seen_in_modes(*problem_.modal, x)) : x;
   };
   Vector moved = h * (problem_.modal ? Vector(problem_.modal->direct * y) : Vector((problem_.poles ? NB_ : B_) * y));
   moved = moved.cwiseAbs();

@@ -12,11 +12,11 @@ struct SweepOrder {
   bool before = false, behind = false;
 };
 
-/// v = K * y: S (modal convolution) S for a Kronecker sum, one convolution otherwise. Measures its seconds.
+/// v = K * y: V (modal convolution) V^T for a Kronecker sum, one convolution otherwise. Measures its seconds.
 class SpaceTimeKernel {
  public:
-  /// `face`: extents of the sine transform; empty: K is not applied in modes.
-  SpaceTimeKernel(Backend&, std::unique_ptr<Convolution>, const std::vector<Index>& face, Index rows, Index n);
+  /// `face`: empty: K is not applied in modes.
+  SpaceTimeKernel(Backend&, std::unique_ptr<Convolution>, const FaceBasis& face, Index rows, Index n);
 
   void apply(const Array& y, Array& v, Index first);
   /// The same for y = R y_fine on the grid with half the steps, where `fine` was last applied to y_fine; its modes are
@@ -43,7 +43,7 @@ class SpaceTimeKernel {
  private:
   Backend& backend_;
   std::unique_ptr<Convolution> convolution_, start_;
-  std::unique_ptr<SineTransform> sine_;
+  FaceTransforms face_;  ///< empty: K is not applied in modes
   std::unique_ptr<Array> y_modes_, v_modes_;
 };
 

@@ -90,6 +90,26 @@ std::optional<Stencil> stencil_of(const LcpMatrix& M, const std::vector<Index>& 
   return sparse ? of_entries(*sparse, extents) : std::nullopt;
 }
 
+std::optional<Stencil> stencil_in(const FaceBasis& basis, const LcpMatrix& M) {
+  auto stencil = stencil_of(M, basis.extents());
+  const auto zero = [](double b) { return b == 0; };
+  if (stencil && !basis.is_sine() && !std::all_of(stencil->beside.begin(), stencil->beside.end(), zero))
+    return std::nullopt;
+  return stencil;
+}
+
+std::optional<Vector> eigenvalues_in(const FaceBasis& basis, const LcpMatrix& matrix) {
+  const SparseMatrix* given = sparse_of(matrix);
+  const SparseMatrix M = given ? *given : SparseMatrix(to_dense(matrix).sparseView(0, 0));
+  if (const auto stencil = stencil_in(basis, SparseLcpMatrix(M))) return stencil->eigenvalues();
+  if (basis.size() != 1 || basis.is_sine()) return std::nullopt;
+  constexpr double rounding = 1e-12;
+  const Matrix V = basis.matrix(), in_modes = V.transpose() * (M * V);
+  const Vector values = in_modes.diagonal();
+  const double apart = (in_modes - Matrix(values.asDiagonal())).cwiseAbs().maxCoeff();
+  return apart <= rounding * M.norm() ? std::optional(values) : std::nullopt;
+}
+
 double best_relaxation(const Stencil& s) {
   const double rho = s.jacobi_radius();
   return 2 / (1 + std::sqrt(std::max(0.0, 1 - rho * rho)));

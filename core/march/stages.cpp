@@ -168,6 +168,7 @@ std::shared_ptr<const ModalStages> modal_stages(const DiscreteProblem& p, Index 
                                                 const StageGrid& grid) {
   const KroneckerDynamics& d = *p.modes();
   auto modal = std::make_shared<ModalStages>();
+  modal->face = p.face();
   modal->along = d.face_eigenvalues();
   modal->direct = d.n.dot(d.b);
   const Vector nu = d.across.eigenvalues();

@@ -30,8 +30,8 @@ struct FusedOperations {
                      Array& coarse_y, Array& old)>
       restrict_problem;
   std::function<bool(const Array& y, Index run, double part)> alternates;
-  /// These two may return null, for extents and stencils that they do not take.
-  std::function<std::unique_ptr<SineTransform>(const std::vector<Index>& extents, Index rows)> face_transform;
+  /// These two may return null, for bases and stencils that they do not take.
+  std::function<std::unique_ptr<RowTransform>(const FaceBasis&, Index rows, Way)> face_transform;
   std::function<std::unique_ptr<LcpBatch>(const ProjectedSweeps&, Index rows)> projected_sweeps;
   std::function<std::unique_ptr<StepChain>(const StepChainProblem&)> step_chain;
   std::function<std::unique_ptr<AffineChain>(const AffineChainSizes&)> affine_chain;

@@ -23,8 +23,9 @@
 
 namespace bromwich {
 
-/// The symmetric orthonormal sine matrix S_ik = sqrt(2/(n+1)) sin(pi i k/(n+1)), S S = I, applied to rows.
-class SineTransform : public Plan {
+/// An orthonormal matrix applied to rows. Sine transforms have S_ik = sqrt(2/(n+1)) sin(pi i k/(n+1)), S = S^T =
+/// S^{-1}.
+class RowTransform : public Plan {
  public:
   /// out = S in, row by row; with `add`, out = add + S in. `out` must not alias `in`; it may alias `add`.
   virtual void apply(const Array& in, const Array* add, Array& out, Index first) = 0;
@@ -89,8 +90,8 @@ class LcpBatch : public Plan {
   }
 
   /// Optional: `submit` without a tolerance, with S v in place of v if `v_in_modes`; then y_modes <- S y for the same
-  /// rows if not null. S is a transform of this backend. Empty where transform, batch, transform is faster.
-  std::function<void(SineTransform& S, const Array& r, const Array& v, bool v_in_modes, Array& y, Array* y_modes,
+  /// rows if not null. S is a sine transform of this backend. Empty where transform, batch, transform is faster.
+  std::function<void(RowTransform& S, const Array& r, const Array& v, bool v_in_modes, Array& y, Array* y_modes,
                      Index first)>
       submit_in_modes;
 

@@ -36,9 +36,9 @@ class SlabBackend final : public Backend {
     fused_.restrict_problem = [this](const Array& r, const Array& v, const Array& y, const Array& coarse_v,
                                      Array& coarse_r, Array& coarse_y,
                                      Array& old) { restrict_here(r, v, y, coarse_v, coarse_r, coarse_y, old); };
-    fused_.face_transform = [this](const std::vector<Index>& extents, Index rows) {
+    fused_.face_transform = [this](const FaceBasis& basis, Index rows, Way way) {
       const Slabs slabs = slabs_for(rows);
-      return make_slab_transform(local_->face_transform(extents, slabs.rows()), slabs);
+      return make_slab_transform(local_->face_transform(basis, slabs.rows(), way), slabs);
     };
     fused_.projected_sweeps = [this](const ProjectedSweeps& sweeps, Index rows) -> std::unique_ptr<LcpBatch> {
       const Slabs slabs = slabs_for(rows);
@@ -109,7 +109,7 @@ class SlabBackend final : public Backend {
   }
   std::unique_ptr<Differences> differences(std::size_t slots) override { return make_slab_differences(ranked_, slots); }
 
-  std::unique_ptr<SineTransform> sine_transform(Index n, Index rows) override {
+  std::unique_ptr<RowTransform> sine_transform(Index n, Index rows) override {
     const Slabs slabs = slabs_for(rows);
     return make_slab_transform(local_->sine_transform(n, slabs.rows()), slabs);
   }

@@ -21,6 +21,7 @@
 #include "core/solve/one_grid.hpp"
 #include "core/solve/prepared.hpp"
 #include "core/solve/scaling.hpp"
+#include "core/solve/symmetric_form.hpp"
 
 #include <algorithm>
 #include <atomic>
@@ -273,8 +274,12 @@ std::optional<Result> one_grid(const Scene& scene, Backend& backend, const Inner
   return solve_on_one_grid(scene, backend, options);
 }
 
-constexpr Stage stages[] = {mass_matrix, natural_units, goal,     no_constraints, galerkin_alone, small_sparse,
-                            events,      tolerance,     galerkin, free_rows,      one_grid};
+constexpr Stage stages[] = {mass_matrix,    solve_in_symmetric_form,
+                            natural_units,  goal,
+                            no_constraints, galerkin_alone,
+                            small_sparse,   events,
+                            tolerance,      galerkin,
+                            free_rows,      one_grid};
 
 }  // namespace
 

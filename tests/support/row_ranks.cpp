@@ -110,8 +110,8 @@ class RowBackend final : public Backend {
       recording_ = false;
       return operations;
     };
-    fused_.face_transform = [this](const std::vector<Index>& extents, Index rows) {
-      return inner_->face_transform(extents, rows);
+    fused_.face_transform = [this](const FaceBasis& basis, Index rows, Way way) {
+      return inner_->face_transform(basis, rows, way);
     };
     fused_.slabs.move_rows = [this](const Array* from, Index first, Index ratio, Array& to, Index begin, Index count) {
       RowMatrix source, target;
@@ -176,9 +176,7 @@ class RowBackend final : public Backend {
   }
   void add(const Array& b, double s, const Array& c, Array& a) override { inner_->add(b, s, c, a); }
   std::unique_ptr<Differences> differences(std::size_t slots) override { return inner_->differences(slots); }
-  std::unique_ptr<SineTransform> sine_transform(Index n, Index rows) override {
-    return inner_->sine_transform(n, rows);
-  }
+  std::unique_ptr<RowTransform> sine_transform(Index n, Index rows) override { return inner_->sine_transform(n, rows); }
   std::unique_ptr<Convolution> convolution(WeightsRef weights, Index rows) override {
     return inner_->convolution(weights, rows);
   }
