@@ -30,8 +30,12 @@ std::unique_ptr<Backend> choose_backend(const std::string& word, const Scene& sc
   if (devices == 0)
     throw Error("--backend", "found 'cuda' but no CUDA device", "use --backend cpu, or see what nvidia-smi says");
   auto cuda = make_cuda_backend(make_cpu_backend(threads), job().number_here % devices);
-  const bool fits = fits_on_device(scene, options.method, steps, components, cuda->device());
-  return word == "cuda" || fits ? std::move(cuda) : make_cpu_backend(threads);
+  if (word == "cuda") return cuda;
+  DeviceInfo device = cuda->device();
+  device.memory *= ranks().size();
+  Vector misfits = Vector::Constant(1, fits_on_device(scene, options.method, steps, components, device) ? 0 : 1);
+  ranks().maximum(misfits);  // all of them take devices, or none
+  return misfits[0] > 0 ? make_cpu_backend(threads) : std::move(cuda);
 }
 
 namespace {
