@@ -106,7 +106,7 @@ TEST_P(BackendSlabs, ADividedConvolutionIsThatOfAllRows) {
         RowMatrix expected;
         cpu->download(*out, expected);
         for (const Index first : {0, 40})
-          EXPECT_LE(distance(divided(r, ends, y, first), expected), tolerance(rows, K))
+          EXPECT_LE(bromwich::distance(divided(r, ends, y, first), expected), tolerance(rows, K))
               << n << ' ' << K << ' ' << ends.size() - 1 << " ranks, " << rows << " rows, x0 " << with_x0;
       }
 }
@@ -124,7 +124,8 @@ TEST_P(BackendSlabs, ModesOfAFace) {
   backend->convolution(weights_ref(*std::get_if<Recurrence>(weights.get())), J + 1)->apply(*in, *out, 0);
   const RowMatrix expected = host(*out);
   for (const std::vector<Index>& ends : {std::vector<Index>{0, 128, 256}, {0, 85, 170, 256}})
-    EXPECT_LE(distance(divided(r, ends, y), expected), tolerance(J + 1, r.exponentials()) * r.w0.cwiseAbs().maxCoeff())
+    EXPECT_LE(bromwich::distance(divided(r, ends, y), expected),
+              tolerance(J + 1, r.exponentials()) * r.w0.cwiseAbs().maxCoeff())
         << ends.size() - 1 << " ranks";
 }
 
@@ -142,7 +143,7 @@ TEST_P(BackendSlabs, ModesForAllWarps) {
     plan->apply(*in, *out, 0);
     RowMatrix expected;
     cpu->download(*out, expected);
-    EXPECT_LE(distance(divided(r, ends, y), expected), tolerance(rows, K));
+    EXPECT_LE(bromwich::distance(divided(r, ends, y), expected), tolerance(rows, K));
   }
 }
 
@@ -179,7 +180,8 @@ TEST_P(BackendSlabs, RowsAreInterpolatedInTheMiddleOfAGrid) {
       for (const auto& [first, rows] : {std::pair<Index, Index>{0, 25}, {4, 11}, {24, 1}, {7, 18}}) {
         const auto part = device(fine.middleRows(first, rows));
         slabs().interpolate_rows(*C, with_old ? O.get() : nullptr, ratio, first, *part);
-        EXPECT_LE(distance(host(*part), host(*whole).middleRows(first, rows)), 16 * epsilon * 4) << n << ' ' << first;
+        EXPECT_LE(bromwich::distance(host(*part), host(*whole).middleRows(first, rows)), 16 * epsilon * 4)
+            << n << ' ' << first;
       }
     }
 }
