@@ -22,7 +22,8 @@ namespace bromwich {
 namespace {
 
 constexpr Index largest_dense = 512;  ///< sparse scenes of up to so many states are written out (core/solve/stages.cpp)
-constexpr double most_oblique = 1e3;  ///< of the factors of a symmetric form: three of sixteen digits
+constexpr Index most_products = 4096;  ///< points of a direction with a matrix of modes, which takes 128 MiB then
+constexpr double most_oblique = 1e3;   ///< of the factors of a symmetric form: three of sixteen digits
 
 double reflection(EndCondition end, double spacing) {
   return end ? (1 - *end * spacing / 2) / (1 + *end * spacing / 2) : 0;
@@ -135,8 +136,10 @@ void balance(KroneckerDynamics& d) {
   d.along.decay -= moved;
 }
 
-// With a line that decays, or nothing where the sum does not decay.
+// With a line that decays, or nothing where the sum does not decay or the modes of the face are too large.
 std::optional<KroneckerDynamics> decaying(KroneckerDynamics d) {
+  for (const SecondDifference& direction : d.face())
+    if (!direction.has_sine_modes() && direction.points > most_products) return std::nullopt;
   const double of_face = d.face_eigenvalues().maxCoeff(), of_line = d.across.eigenvalues()[0];
   if (!(of_face + of_line < 0)) return std::nullopt;
   if (of_line > (of_face + of_line) / 4) balance(d);

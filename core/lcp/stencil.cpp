@@ -99,14 +99,15 @@ std::optional<Stencil> stencil_in(const FaceBasis& basis, const LcpMatrix& M) {
 }
 
 std::optional<Vector> eigenvalues_in(const FaceBasis& basis, const LcpMatrix& matrix) {
-  const SparseMatrix* given = sparse_of(matrix);
-  const SparseMatrix M = given ? *given : SparseMatrix(to_dense(matrix).sparseView(0, 0));
-  if (const auto stencil = stencil_in(basis, SparseLcpMatrix(M))) return stencil->eigenvalues();
+  const auto* dense = std::get_if<Matrix>(&matrix);
+  const auto stencil = stencil_in(basis, dense ? LcpMatrix(SparseLcpMatrix(dense->sparseView(0, 0))) : matrix);
+  if (stencil) return stencil->eigenvalues();
   if (basis.size() != 1 || basis.is_sine()) return std::nullopt;
   constexpr double rounding = 1e-12;
-  const Matrix V = basis.matrix(), in_modes = V.transpose() * (M * V);
-  const Vector values = in_modes.diagonal();
-  const double apart = (in_modes - Matrix(values.asDiagonal())).cwiseAbs().maxCoeff();
+  const SparseMatrix M = to_dense(matrix).sparseView(0, 0);
+  const Matrix V = basis.matrix(), MV = M * V;
+  const Vector values = V.cwiseProduct(MV).colwise().sum();
+  const double apart = (MV - V * values.asDiagonal()).cwiseAbs().maxCoeff();
   return apart <= rounding * M.norm() ? std::optional(values) : std::nullopt;
 }
 

@@ -69,6 +69,10 @@ TEST(Rectangle, TakesModesWhereThereAreSome) {
   Rectangle r = rectangle(neumann, dirichlet, 0);
   r.along.last = neumann;
   EXPECT_TRUE(in_modes(r));
+  r.along.points = 4097;
+  EXPECT_FALSE(r.in_modes()) << "the matrix of its modes is too large";
+  r.along.last = dirichlet;
+  EXPECT_TRUE(r.in_modes());
   r = rectangle(neumann, dirichlet, 0);
   r.far_b = r.b, r.far_n = r.n;
   EXPECT_FALSE(in_modes(r)) << "two sides";
