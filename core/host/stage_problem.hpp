@@ -48,6 +48,7 @@ struct StageProblem {
   SparseMatrix F;                 ///< m x k
   std::vector<Index> components;  ///< state components to record
   bool substitutes_euler = true;  ///< steps in which the state jumps are taken by implicit Euler
+  bool jumps_at_start = false;    ///< x0 violates the constraints
   std::function<bool()> interrupted;            ///< polled from time to time; true ends the march
   std::function<void(Index step)> progress;     ///< called from time to time
   std::shared_ptr<const PoleModel> poles = {};  ///< instead of the state of the dynamics

@@ -11,6 +11,12 @@ constexpr double weight_of_first = 0.75;  ///< of the first stage at the end of 
 constexpr double negligible = 1e-9;       ///< relative to the largest y of the step
 constexpr double much_more = 4;           ///< relative to y in steps without jumps
 
+// Whether two steps from x end at about the same state, beside what they move it by.
+bool end_alike(const Vector& x, const Vector& one, const Vector& other) {
+  constexpr double apart = 0.5;  // smooth decay by implicit Euler and by Radau IIA: 0.3 at most
+  return x.size() == 0 || (one - other).cwiseAbs().maxCoeff() <= apart * (other - x).cwiseAbs().maxCoeff();
+}
+
 }  // namespace
 
 Vector seen_in_modes(const ModalStages& modal, const Vector& x) {
@@ -116,13 +122,17 @@ const Stepper* StageSteps::take(const Vector& x, Index j, Vector& next, MarchRep
   const bool fine = main.advance(x, place, j, touching, next, report);
   if (problem_.stages == 1 || (fine && !problem_.substitutes_euler)) return fine ? &main : nullptr;
   impact_ = fine && impacts(main);
-  if (fine && !impact_ && !jumps(main, lengths_.size(kind), x, next)) return &main;
+  const bool regular_step = fine && !impact_ && !jumps(main, lengths_.size(kind), x, next);
+  // From a state that violates the constraints Radau IIA may jump onto others of them than implicit Euler.
+  const bool jumps_first = regular_step && j == 1 && problem_.jumps_at_start;
+  if (regular_step && !jumps_first) return &main;
   MarchReport by_euler = report;
   by_euler.stopped = by_euler.infeasible = -1;
   by_euler.count.unsolved = 0;
   other_.resize(x.size());
   Stepper& one_stage = stepper(1, kind);
   if (!one_stage.advance(x, place, j, touching, other_, by_euler)) return fine ? &main : nullptr;
+  if (jumps_first && end_alike(x, next, other_)) return &main;
   next.swap(other_);
   report = by_euler;
   ++report.jumps;
