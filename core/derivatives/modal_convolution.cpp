@@ -6,6 +6,7 @@
 #include "core/numerics/phi.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 namespace bromwich {
@@ -16,7 +17,7 @@ namespace {
 
 constexpr Index fewest_compressed = 40;  ///< of eigenvalues: a fit of fewer would not halve their number
 constexpr Index rows_together = 16;      ///< of time points, which the registers hold
-constexpr double vanished = 1e-290;      ///< denormal numbers are slow
+constexpr double vanished = 1e-290;      ///< as nothing; denormal numbers are slow
 
 // Zeros in further columns.
 void fill_up(RowMatrix& table, Index columns) {
@@ -111,7 +112,15 @@ ModalStart::ModalStart(const KroneckerDynamics& d, double h)
       seen_(d.across.in_modes(d.n)),
       decay_(RowMatrix::Zero(seen_.size(), simd::blocks(n_) * simd::lanes)) {
   const Vector mu = d.face_eigenvalues(), nu = d.across.eigenvalues();
-  for (Index k = 0; k < nu.size(); ++k) decay_.row(k).head(n_) = (h * (mu.array() + nu[k])).exp();
+  ends_.resize(seen_.size(), simd::blocks(n_));
+  for (Index k = 0; k < nu.size(); ++k) {
+    const Eigen::ArrayXd exponents = h * (mu.array() + nu[k]);
+    decay_.row(k).head(n_) = exponents.exp();
+    for (Index l = 0; l < n_; l += simd::lanes) {
+      const double slowest = exponents.segment(l, std::min<Index>(simd::lanes, n_ - l)).maxCoeff();
+      ends_(k, l / simd::lanes) = slowest < 0 ? std::log(vanished) / slowest : INFINITY;
+    }
+  }
 }
 
 RowMatrix ModalStart::response(const RowMatrix& x0, Index J) const {
@@ -122,6 +131,7 @@ RowMatrix ModalStart::response(const RowMatrix& x0, Index J) const {
     for (Index l = 0; l < width; l += simd::lanes) {
       Lanes sum[rows_together] = {};
       for (Index k = 0; k < K; ++k) {
+        if (double(first) > ends_(k, l / simd::lanes)) continue;
         Lanes value = simd::load(&x(k, l));
         const Lanes decay = simd::load(&decay_(k, l));
         for (Index i = 0; i < rows_together; ++i) {
@@ -150,6 +160,7 @@ RowMatrix ModalStart::transposed(const RowMatrix& rho) const {
       Lanes given[rows_together];
       for (Index i = 0; i < rows_together; ++i) given[i] = simd::load(&rows(i, l));
       for (Index k = 0; k < K; ++k) {
+        if (double(first) > ends_(k, l / simd::lanes)) continue;
         Lanes value = simd::load(&q(k, l));
         const Lanes decay = simd::load(&decay_(k, l));
         for (Index i = rows_together; i-- > 0;) value = value * decay + given[i];
