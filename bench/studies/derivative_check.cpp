@@ -21,7 +21,7 @@ namespace {
 
 constexpr Index largest_dense = 400;    ///< states that are written out
 constexpr double largest_step = 1e-5;   ///< of a difference, relative: its error is 1e-10
-constexpr double within_margin = 0.2;   ///< of the margin
+constexpr double within_reach = 0.3;    ///< of the change that leaves the active sets, to first order
 constexpr double located_steps[] = {1e-4, 1e-5, 1e-6, 1e-7};
 constexpr Index located_points = 64;
 
@@ -72,7 +72,7 @@ struct Change {
 };
 
 Ramp drawn_ramp(const TimeFunction& given, Index width, const Vector& t, Drawing& draw) {
-  const double size = given ? size_of(Matrix(sample(given, t, width).table())) : 1;
+  const double size = given && width > 0 ? size_of(Matrix(sample(given, t, width).table())) : 1;
   return {size * draw.matrix(width, 1), size * draw.matrix(width, 1), t[t.size() - 1]};
 }
 
@@ -116,6 +116,7 @@ std::vector<Change> changes_of_any(const Scene& scene, const Vector& t, bool by_
     s.M = Matrix(M + by * more);
     return s;
   };
+  if (n == 0) all.resize(2);
   return all;
 }
 
@@ -167,13 +168,24 @@ double largest_deviation(const RowMatrix& found, const RowMatrix& difference) {
   return size > 0 ? (found - difference).cwiseAbs().maxCoeff() / size : 0;
 }
 
-// The largest |change| of a column over the largest value of the column.
+double largest(const RowMatrix& values) { return values.size() > 0 ? values.cwiseAbs().maxCoeff() : 0; }
+
+// The largest |change| over the largest value.
 double relative_change(const RowMatrix& change, const RowMatrix& values) {
-  double largest = 0;
-  for (Index i = 0; i < change.cols(); ++i)
-    if (const double size = values.col(i).cwiseAbs().maxCoeff(); size > 0)
-      largest = std::max(largest, change.col(i).cwiseAbs().maxCoeff() / size);
-  return largest;
+  return largest(values) > 0 ? largest(change) / largest(values) : 0;
+}
+
+// The largest multiple of the change of y and w to first order that leaves the active sets. Entries with w = 0 that does
+// not change are left out.
+double reach(const RowMatrix& y, const RowMatrix& w, const SolutionChange& by) {
+  double least = INFINITY;
+  const double none = 1e-12 * (largest(w) + 1e-290);
+  for (Index k = 0; k < y.size(); ++k) {
+    const bool active = y.data()[k] > 0;
+    const double value = active ? y.data()[k] : w.data()[k], change = std::abs((active ? by.y : by.w).data()[k]);
+    if (change > 0 && (value > none || change > 1e-12 * largest(by.w))) least = std::min(least, std::max(value, 0.0) / change);
+  }
+  return least;
 }
 
 void check_identity(const SolutionChange& out, const Change& c, const Vjp& vjp, const std::vector<Index>& left_out,
@@ -246,16 +258,14 @@ void compare_discrete(const Scene& scene, Backend& backend, const Discrete& d, D
   const Index J = d.result.steps;
   std::vector<Change> changes = changes_of_any(scene, t, !scene.dynamics->small_state(), draw);
   if (scene.dynamics->small_state()) add_matrices(scene, draw, changes);
+  RowMatrix w = d.result.trace + d.result.y * to_dense(scene.M).transpose();
+  if (scene.g && scene.constraints() > 0) w += sample(scene.g, t, scene.constraints()).table();
   for (const Change& c : changes) try {
       const SolutionChange out = d.jvp(c.data);
-      // w is not in the result: its largest value is at least that of M y + g, its margin relative to that.
-      const double of_y = relative_change(out.y, d.result.y), of_x = relative_change(out.x, d.result.x);
-      RowMatrix w = d.result.y * to_dense(scene.M).transpose();
-      if (d.result.trace.size() > 0) w += d.result.trace;
-      if (scene.g) w += sample(scene.g, t, scene.constraints()).table();
-      const double of_w = relative_change(out.w, w);
-      const double step = std::min(within_margin * d.margin / std::max({of_y, of_w, 1e-290}),
-                                   largest_step / std::max({of_y, of_w, of_x, 1.0}));
+      const double relative = std::max({relative_change(out.y, d.result.y), relative_change(out.x, d.result.x),
+                                        relative_change(out.w, w), 1.0});
+      const double step = std::min(within_reach * reach(d.result.y, w, out), largest_step / relative);
+      if (!(step > 0)) throw Error("derivative", "y = w = 0 at a time point", "another grid");
       const Options options = options_of(d.result.method, J);
       const Result up = solve(c.scene(step), backend, options), down = solve(c.scene(-step), backend, options);
       if (up.status != Status::solved || down.status != Status::solved)

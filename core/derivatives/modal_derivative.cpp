@@ -71,6 +71,7 @@ ModalDerivative::ModalDerivative(const Scene& scene, const Result& result)
     sets_[std::size_t(j)] = j > 0 ? responses_.take(positive_in(y_, j), W) : responses_.take(positive_in(y_, j), M_, 1);
   w_ = sampled(scene.g, t_, n_) + y_ * M_.transpose();
   follow(state_modes(scene.x0), y_ + sampled(scene.f, t_, n_));
+  undecided_ = undecided_at_start(y_, w_, responses_.active(sets_[0]));
   margin_ = margin_of_sets(
       y_, w_, t_, [this](Index j) -> const std::vector<Index>& { return responses_.active(sets_[std::size_t(j)]); });
 }

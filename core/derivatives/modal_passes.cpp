@@ -58,7 +58,7 @@ SolutionChange ModalDerivative::jvp(const DataChange& c, bool states) const {
   add_products(scene_M_, out.y, w);
   terms += M_.cwiseAbs() * out.y.row(0).cwiseAbs().transpose();
   if (x0.size() > 0) terms.array() += (seen_.cwiseAbs().transpose() * x0.cwiseAbs()).norm();
-  check_change_at_start(undecided_at_start(y_, w_, responses_.active(sets_[0])), w.row(0).transpose(), terms);
+  check_change_at_start(undecided_, w.row(0).transpose(), terms);
   if (states) out.x = states_of(x0, u);
   return out;
 }
@@ -98,7 +98,7 @@ DataChange ModalDerivative::vjp(const SolutionChange& of) const {
       later += of.integral.row(j).transpose();
       if (j > 0) eta += h_ / 2 * later;
     }
-    if (j == 0) check_gradient_at_start(undecided_at_start(y_, w_, active), eta, of_states + eta.norm());
+    if (j == 0) check_gradient_at_start(undecided_, eta, of_states + eta.norm());
     responses_.solve_transposed(sets_[std::size_t(j)], eta, mu);
     face_.of_set(active, mu, modes);
     rho.row(j) -= modes.transpose();
