@@ -154,8 +154,7 @@ void measure_derivative(const Scene& scene, const Options& options, const std::s
   SolutionChange of;
   of.y = RowMatrix::Ones(result.steps + 1, scene.constraints());
   std::vector<std::pair<std::string, std::function<void()>>> calls{
-      {"a prepared solve", [&] { result = solver.solve(); }},
-      {"preparing a derivative", [&] { make(result); }}};
+      {"a prepared solve", [&] { result = solver.solve(); }}, {"preparing a derivative", [&] { make(result); }}};
   for (const auto& change : changes)
     calls.emplace_back("jvp of " + change.first, [&] { derivative->jvp(change.second); });
   calls.emplace_back("vjp of all data", [&] { derivative->vjp(of); });
@@ -168,12 +167,9 @@ void measure_derivative(const Scene& scene, const Options& options, const std::s
       times[i].push_back(1e6 * seconds_since(start) / together);
     }
   const double solve = median(times[0]);
-  Json row{{"scene", scene.name},
-           {"backend", backend.name()},
-           {"kind", kind},
-           {"method", to_string(result.method)},
-           {"steps", result.steps},
-           {"constraints", scene.constraints()},
+  Json row{{"scene", scene.name},   {"backend", backend.name()},
+           {"kind", kind},          {"method", to_string(result.method)},
+           {"steps", result.steps}, {"constraints", scene.constraints()},
            {"us_solve", solve}};
   for (std::size_t i = 1; i < calls.size(); ++i) {
     const double us = median(times[i]);
@@ -228,7 +224,8 @@ void measure_derivatives(Backend& backend, const BenchRequest& request, BenchRep
   options.states = StateSelection::all;
   const Scene drawn = drawn_scene();
   measure_derivative(
-      drawn, options, "dense", [&](const Result& result) { return std::make_unique<SolutionDerivative>(drawn, result); },
+      drawn, options, "dense",
+      [&](const Result& result) { return std::make_unique<SolutionDerivative>(drawn, result); },
       {{"x0", by_x0}, {"A", by_A}}, backend, request, report, lines);
   for (const Index n : request.quick ? std::vector<Index>{15} : std::vector<Index>{39, 127})
     measure_signorini({n, request.quick ? 64 : 400}, backend, true, request, report, lines);
@@ -251,7 +248,8 @@ BenchReport bench_batch(const BenchRequest& request, Backend& backend) {
   report.details["ns_single"] =
       "Solver::set_x0 and Solver::solve in a loop, or solve where scenes have their own A: likewise";
   report.details["in_lanes"] = "scenes that were stepped side by side";
-  report.details["us"] = "of core/derivatives, in microseconds; us_solve: a prepared solve of the same scene by the method of the row";
+  report.details["us"] =
+      "of core/derivatives, in microseconds; us_solve: a prepared solve of the same scene by the method of the row";
   report.details["difference"] = "largest |y - y of the single solve| / max |y|";
   std::vector<std::vector<std::string>> lines{
       {"scene", "backend", "scenes", "J", "side by side", "ns", "ns single", "ratio", "other status", "difference"}};
@@ -263,7 +261,8 @@ BenchReport bench_batch(const BenchRequest& request, Backend& backend) {
   }
   print(fmt::format("nanoseconds a scene and step in batches, and in a loop of prepared solves; {} threads\n{}",
                     backend.device().threads, table(lines)));
-  std::vector<std::vector<std::string>> derivatives{{"scene", "n", "backend", "kind", "method", "derivative", "us", "over a prepared solve"}};
+  std::vector<std::vector<std::string>> derivatives{
+      {"scene", "n", "backend", "kind", "method", "derivative", "us", "over a prepared solve"}};
   measure_derivatives(backend, request, report, derivatives);
   if (!cuda_devices().empty())
     measure_on_device(*make_cuda_backend(make_cpu_backend(backend.device().threads)), request, report, derivatives);

@@ -1,9 +1,12 @@
 #include "bench/studies/derivative_check.hpp"
 
+#include "bench/studies/derivative_changes.hpp"
 #include "core/base/error.hpp"
+#include "core/base/text.hpp"
 #include "core/derivatives/modal_derivative.hpp"
 #include "core/derivatives/space_time_derivative.hpp"
 #include "core/derivatives/switched_derivative.hpp"
+#include "core/lcp/lcp_class.hpp"
 #include "core/scene/separable.hpp"
 #include "core/solve/solve.hpp"
 
@@ -12,138 +15,19 @@
 #include <functional>
 #include <memory>
 #include <optional>
-#include <random>
 #include <vector>
 
 namespace bromwich::app {
 
 namespace {
 
-constexpr Index largest_dense = 400;    ///< states that are written out
-constexpr double largest_step = 1e-5;   ///< of a difference, relative: its error is 1e-10
-constexpr double within_reach = 0.3;    ///< of the change that leaves the active sets, to first order
+constexpr Index largest_dense = 400;   ///< states that are written out
+constexpr double largest_step = 1e-5;  ///< of a difference, relative: its error is 1e-10
+constexpr double within_reach = 0.3;   ///< of the change that leaves the active sets, to first order
 constexpr double located_steps[] = {1e-4, 1e-5, 1e-6, 1e-7};
+constexpr double most_noise = 1e-2;  ///< differences with more say nothing
 constexpr Index located_points = 64;
-
-class Drawing {
- public:
-  Matrix matrix(Index rows, Index columns) {
-    return Matrix::NullaryExpr(rows, columns, [this](Index, Index) { return uniform_(generator_); });
-  }
-
- private:
-  std::mt19937_64 generator_{7};
-  std::uniform_real_distribution<double> uniform_{-1, 1};
-};
-
-double size_of(const Eigen::Ref<const Matrix>& values) {
-  const double largest = values.size() > 0 ? values.cwiseAbs().maxCoeff() : 0;
-  return largest > 0 ? largest : 1;
-}
-
-// The change of a source over [0, T] and the same at time points.
-struct Ramp {
-  Vector start, slope;
-  double T;
-
-  RowMatrix rows(const Vector& t) const {
-    return RowMatrix(Vector::Ones(t.size()) * start.transpose() + t / T * slope.transpose());
-  }
-  TimeFunction added_to(const TimeFunction& given, double by, const Matrix& entry) const {
-    return [ramp = *this, given, by, entry](double t, Eigen::Ref<Vector> v) {
-      if (given && entry.size() > 0) {
-        Vector phi(entry.cols());
-        given(t, phi);
-        v = entry * phi;
-      } else if (given) {
-        given(t, v);
-      } else {
-        v.setZero();
-      }
-      v += by * (ramp.start + t / ramp.T * ramp.slope);
-    };
-  }
-};
-
-struct Change {
-  std::string name;
-  DataChange data;
-  std::function<Scene(double)> scene;  ///< with the change times a number
-};
-
-Ramp drawn_ramp(const TimeFunction& given, Index width, const Vector& t, Drawing& draw) {
-  const double size = given && width > 0 ? size_of(Matrix(sample(given, t, width).table())) : 1;
-  return {size * draw.matrix(width, 1), size * draw.matrix(width, 1), t[t.size() - 1]};
-}
-
-// Changes of x0, f, g and M. `by_B`: f as phi of f = B phi.
-std::vector<Change> changes_of_any(const Scene& scene, const Vector& t, bool by_B, Drawing& draw) {
-  const Index n = scene.constraints();
-  std::vector<Change> all(4);
-  all[0].name = "x0";
-  all[0].data.x0 = size_of(scene.x0) * draw.matrix(scene.states(), 1);
-  all[0].scene = [&scene, x0 = all[0].data.x0](double by) {
-    Scene s = scene;
-    s.x0 += by * x0;
-    return s;
-  };
-  all[1].name = "f";
-  const Matrix entry = by_B || !scene.f || scene.f_entry == SourceEntry::state
-                           ? Matrix()
-                           : source_matrix(scene, *scene.dynamics->small_state());
-  const Ramp of_f = drawn_ramp(entry.size() > 0 ? TimeFunction() : scene.f, by_B ? n : scene.states(), t, draw);
-  all[1].data.f = of_f.rows(t);
-  all[1].scene = [&scene, of_f, entry, by_B](double by) {
-    Scene s = scene;
-    s.f = of_f.added_to(scene.f, by, entry);
-    s.f_entry = by_B ? SourceEntry::through_B : SourceEntry::state;
-    s.F = {};
-    return s;
-  };
-  all[2].name = "g";
-  const Ramp of_g = drawn_ramp(scene.g, n, t, draw);
-  all[2].data.g = of_g.rows(t);
-  all[2].scene = [&scene, of_g](double by) {
-    Scene s = scene;
-    s.g = of_g.added_to(scene.g, by, Matrix());
-    return s;
-  };
-  all[3].name = "M";
-  const Matrix M = to_dense(scene.M);
-  all[3].data.M = size_of(M) * draw.matrix(n, n);
-  all[3].scene = [&scene, M, more = all[3].data.M](double by) {
-    Scene s = scene;
-    s.M = Matrix(M + by * more);
-    return s;
-  };
-  if (n == 0) all.resize(2);
-  return all;
-}
-
-// And of the matrices of dense dynamics.
-void add_matrices(const Scene& scene, Drawing& draw, std::vector<Change>& all) {
-  struct Member {
-    const char* name;
-    Matrix DenseDynamics::*of;
-    Matrix DataChange::*change;
-  };
-  for (const Member& m : {Member{"A", &DenseDynamics::A, &DataChange::A}, {"B", &DenseDynamics::B, &DataChange::B},
-                          {"N", &DenseDynamics::N, &DataChange::N}, {"E", &DenseDynamics::E, &DataChange::E}}) {
-    const Matrix& given = scene.dynamics->small_state()->*m.of;
-    if (given.size() == 0) continue;
-    Change c;
-    c.name = m.name;
-    c.data.*m.change = size_of(given) * draw.matrix(given.rows(), given.cols());
-    c.scene = [&scene, of = m.of, more = c.data.*m.change](double by) {
-      Scene s = scene;
-      DenseDynamics d = *scene.dynamics->small_state();
-      d.*of += by * more;
-      s.dynamics = std::move(d);
-      return s;
-    };
-    all.push_back(std::move(c));
-  }
-}
+constexpr Index most_located = 64;  ///< states
 
 double dot(const RowMatrix& a, const RowMatrix& b) {
   return a.size() > 0 && b.size() > 0 ? a.cwiseProduct(b).sum() : 0;
@@ -175,15 +59,16 @@ double relative_change(const RowMatrix& change, const RowMatrix& values) {
   return largest(values) > 0 ? largest(change) / largest(values) : 0;
 }
 
-// The largest multiple of the change of y and w to first order that leaves the active sets. Entries with w = 0 that does
-// not change are left out.
+// The largest multiple of the change of y and w to first order that leaves the active sets. Entries with w = 0 that
+// does not change are left out.
 double reach(const RowMatrix& y, const RowMatrix& w, const SolutionChange& by) {
   double least = INFINITY;
   const double none = 1e-12 * (largest(w) + 1e-290);
   for (Index k = 0; k < y.size(); ++k) {
     const bool active = y.data()[k] > 0;
     const double value = active ? y.data()[k] : w.data()[k], change = std::abs((active ? by.y : by.w).data()[k]);
-    if (change > 0 && (value > none || change > 1e-12 * largest(by.w))) least = std::min(least, std::max(value, 0.0) / change);
+    if (change > 0 && (value > none || change > 1e-12 * largest(by.w)))
+      least = std::min(least, std::max(value, 0.0) / change);
   }
   return least;
 }
@@ -253,9 +138,20 @@ Discrete discrete_of(const Scene& scene, Backend& backend, Index steps, std::str
   return d;
 }
 
+struct Difference {
+  RowMatrix y, x;
+};
+
+Difference difference(const Change& c, double step, const Result& at, Backend& backend) {
+  const Options options = options_of(at.method, at.steps);
+  const Result up = solve(c.scene(step), backend, options), down = solve(c.scene(-step), backend, options);
+  if (up.status != Status::solved || down.status != Status::solved)
+    throw Error("derivative", "a scene with changed data is not solved", "another change");
+  return {(up.y - down.y) / (2 * step), (up.x - down.x) / (2 * step)};
+}
+
 void compare_discrete(const Scene& scene, Backend& backend, const Discrete& d, Drawing& draw, DerivativeCheck& check) {
   const Vector& t = d.result.t;
-  const Index J = d.result.steps;
   std::vector<Change> changes = changes_of_any(scene, t, !scene.dynamics->small_state(), draw);
   if (scene.dynamics->small_state()) add_matrices(scene, draw, changes);
   RowMatrix w = d.result.trace + d.result.y * to_dense(scene.M).transpose();
@@ -263,15 +159,12 @@ void compare_discrete(const Scene& scene, Backend& backend, const Discrete& d, D
   for (const Change& c : changes) try {
       const SolutionChange out = d.jvp(c.data);
       const double relative = std::max({relative_change(out.y, d.result.y), relative_change(out.x, d.result.x),
-                                        relative_change(out.w, w), 1.0});
+                                        relative_change(out.w, w), c.linear ? 1e-12 : 1.0});
       const double step = std::min(within_reach * reach(d.result.y, w, out), largest_step / relative);
       if (!(step > 0)) throw Error("derivative", "y = w = 0 at a time point", "another grid");
-      const Options options = options_of(d.result.method, J);
-      const Result up = solve(c.scene(step), backend, options), down = solve(c.scene(-step), backend, options);
-      if (up.status != Status::solved || down.status != Status::solved)
-        throw Error("derivative", "a scene with changed data is not solved", "another change");
-      check.error[c.name] = std::max(largest_deviation(out.y, (up.y - down.y) / (2 * step)),
-                                     largest_deviation(out.x, (up.x - down.x) / (2 * step)));
+      const Difference one = difference(c, step, d.result, backend), other = difference(c, step / 2, d.result, backend);
+      check.error[c.name] = std::max(largest_deviation(out.y, one.y), largest_deviation(out.x, one.x));
+      check.noise[c.name] = std::max(largest_deviation(other.y, one.y), largest_deviation(other.x, one.x));
       check_identity(out, c, d.vjp, {}, draw, check);
     } catch (const Error& refusal) {
       check.refused[c.name] = refusal.what();
@@ -332,12 +225,33 @@ double DerivativeCheck::largest_error() const {
   return largest;
 }
 
+double DerivativeCheck::largest_noise() const {
+  double largest = 0;
+  for (const auto& [name, e] : noise) largest = std::fmax(largest, e);
+  return largest;
+}
+
+bool DerivativeCheck::passes() const {
+  const double tolerance = kind == "located" ? expected_located : expected_discrete;
+  for (const auto& [name, e] : error) {
+    const auto own = noise.find(name);
+    if (!(e <= std::max(tolerance, own == noise.end() ? 0 : std::min(10 * own->second, most_noise)))) return false;
+  }
+  return !error.empty();
+}
+
 DerivativeCheck check_derivatives(const Scene& given, Backend& backend, Index steps, Index grids) {
   DerivativeCheck check;
   check.states = given.states();
   check.constraints = given.constraints();
   Drawing draw;
   try {
+    // Known without a solve, which takes minutes in some of these.
+    const bool may_jump = !is_continuous(known_class(given.M, given.lcp_class)) ||
+                          (given.constraints() > 0 && diagonal(given.M).minCoeff() <= 0);
+    if (may_jump && given.states() > most_located)
+      throw Error("derivative", text("y may jump, and the scene has more than %ld states", long(most_located)),
+                  "differentiate smaller ones with located switches");
     Scene scene = given;
     if (scene.states() <= largest_dense && scene.dynamics->dense_form()) scene = written_out(scene);
     const Result first = solve(scene, backend, options_of(Method::march, steps));
@@ -352,6 +266,18 @@ DerivativeCheck check_derivatives(const Scene& given, Backend& backend, Index st
       } catch (const Error& refusal) {
         check.reason = refusal.what();
       }
+    if (!best && scene.states() <= most_located) {  // sources that jump or bend inside steps, or y = w = 0 on all grids
+      const std::string why = check.reason;
+      try {
+        check_located(scene, draw, check);
+        check.reason.clear();
+      } catch (const Error& refusal) {
+        check.kind.clear();
+        check.reason = why + "; and with located switches: " + refusal.what();
+      }
+      return check;
+    }
+    if (!best) check.kind.clear();
     if (!best) return check;
     check.reason.clear();
     check.steps = best->result.steps;

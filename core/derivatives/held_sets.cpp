@@ -14,10 +14,10 @@ namespace bromwich {
 
 namespace {
 
-constexpr double aimed_size = 0.25;        ///< of |e y|, below 1
-constexpr double smallest_size = 1.0 / 64; ///< below it, six binary digits are lost, and another e is taken
-constexpr double smaller = 1.0 / 32;   ///< of e, where sets change
-constexpr int most_tried = 40;         ///< 32^-40: no finite r needs it
+constexpr double aimed_size = 0.25;         ///< of |e y|, below 1
+constexpr double smallest_size = 1.0 / 64;  ///< below it, six binary digits are lost, and another e is taken
+constexpr double smaller = 1.0 / 32;        ///< of e, where sets change
+constexpr int most_tried = 40;              ///< 32^-40: no finite r needs it
 constexpr double solved_residual = 1e-9;    ///< residual of a solution, relative to the largest r
 
 Scene dynamics_alone(Scene scene) {

@@ -3,14 +3,14 @@
 //
 //     (M y + K y + r)_S = 0,   y = 0 outside S,
 //
-// by the methods of the complementarity problem itself: marched, swept or in multigrid cycles, on any backend. A problem
-// whose solution has these sets is known,
+// by the methods of the complementarity problem itself: marched, swept or in multigrid cycles, on any backend. A
+// problem whose solution has these sets is known,
 //
 //     ŷ = 1 on S, 0 elsewhere,   ŵ = 0 on S, W elsewhere,   r̂ = ŵ - M ŷ - K ŷ,
 //
-// and solutions depend linearly on r as long as their sets are the same. So r̂ + e r has the solution ŷ + e y, where e is
-// so small that |e y| < 1 and |e w| < W: y follows without loss of digits, since both are of size one. That the sets are
-// those of ŷ is checked in each result.
+// and solutions depend linearly on r as long as their sets are the same. So r̂ + e r has the solution ŷ + e y, where e
+// is so small that |e y| < 1 and |e w| < W: y follows without loss of digits, since both are of size one. That the sets
+// are those of ŷ is checked in each result.
 
 #include "../kernel/discretise.hpp"
 #include "../kernel/prepared_method.hpp"

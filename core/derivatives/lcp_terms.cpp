@@ -34,13 +34,16 @@ void add_products(const LcpMatrix& M, const RowMatrix& y, RowMatrix& w) {
 }
 
 // Some rows at a time: the copies that a product makes of its factors stay small.
-Matrix transposed_product(const RowMatrix& a, const RowMatrix& b) {
-  constexpr Index together = 64;
+Matrix transposed_product(const RowMatrix& a, const RowMatrix& b, const HostThreads& threads) {
+  constexpr Index together = 64, columns = 128;
   Matrix product = Matrix::Zero(a.cols(), b.cols());
-  for (Index j = 0; j < a.rows(); j += together) {
-    const Index count = std::min(together, a.rows() - j);
-    product.noalias() += a.middleRows(j, count).transpose() * b.middleRows(j, count);
-  }
+  share(threads, a.cols(), columns, [&](Index first, Index last) {
+    for (Index j = 0; j < a.rows(); j += together) {
+      const Index count = std::min(together, a.rows() - j);
+      product.middleRows(first, last - first).noalias() +=
+          a.block(j, first, count, last - first).transpose() * b.middleRows(j, count);
+    }
+  });
   return product;
 }
 

@@ -1,7 +1,7 @@
 #pragma once
 // Terms of M, and of tables of time points, in derivatives.
 
-#include "../base/time_function.hpp"
+#include "../base/threads.hpp"
 #include "../lcp/matrix.hpp"
 
 #include <vector>
@@ -16,7 +16,7 @@ void add_product(const LcpMatrix& M, const double* y, double* w);
 void add_products(const LcpMatrix& M, const RowMatrix& y, RowMatrix& w);
 
 /// a^T b.
-Matrix transposed_product(const RowMatrix& a, const RowMatrix& b);
+Matrix transposed_product(const RowMatrix& a, const RowMatrix& b, const HostThreads& = HostThreads());
 
 /// The i with y_ji > 0.
 std::vector<Index> positive_in(const RowMatrix& y, Index j);

@@ -42,8 +42,8 @@ DenseDynamics checked(const Scene& scene, const Result& r) {
   return *d;
 }
 
-// Sources that jump or bend inside steps: their parts are not in the steps that are differentiated, and constraints need
-// not see them.
+// Sources that jump or bend inside steps: their parts are not in the steps that are differentiated, and constraints
+// need not see them.
 void check_sources(const Scene& scene, const Result& r) {
   if (!scene.f || r.rough_steps == 0) return;
   const SampledSource f = sample(scene.f, r.t, scene.sources());
@@ -54,7 +54,8 @@ void check_sources(const Scene& scene, const Result& r) {
       const double h = r.t[rough.step] - r.t[rough.step - 1], from = (piece.start - r.t[rough.step - 1]) / h;
       const auto beyond = [&](double part, const Vector& value) {
         const double at = from + part * piece.length / h;
-        const Vector line = (1 - at) * f.values().row(rough.step - 1).transpose() + at * f.values().row(rough.step).transpose();
+        const Vector line =
+            (1 - at) * f.values().row(rough.step - 1).transpose() + at * f.values().row(rough.step).transpose();
         return (value - line).cwiseAbs().maxCoeff();
       };
       const Matrix& c = piece.phi;

@@ -111,10 +111,11 @@ SpaceTimeDerivative::SpaceTimeDerivative(const Scene& scene, const Result& resul
     refuse_here("not differentiable here: the active constraints at t = 0 do not determine y",
                 "remove constraints that repeat each other");
   follow(result.t);
+  undecided_ = undecided_at_start(y_, w_, first);
   std::vector<std::vector<Index>> sets;
   for (Index j = 0; j <= J_; ++j) sets.push_back(positive_in(y_, j));
-  margin_ = margin_of_sets(y_, w_, result.t,
-                           [&](Index j) -> const std::vector<Index>& { return sets[std::size_t(j)]; });
+  margin_ =
+      margin_of_sets(y_, w_, result.t, [&](Index j) -> const std::vector<Index>& { return sets[std::size_t(j)]; });
 }
 
 SpaceTimeDerivative::~SpaceTimeDerivative() = default;
@@ -131,9 +132,9 @@ void SpaceTimeDerivative::follow(const Vector& t) {
   w_ += whole.g.table();
   const double terms = 1e-290 + of_states + w_.cwiseAbs().maxCoeff();
   for (Index j = 0; j <= J_; ++j)
-    if (const double off = w_.row(j).cwiseProduct(active_.row(j)).cwiseAbs().maxCoeff(); !(off <= left_where_y_acts * terms))
-      refuse_here(text("not differentiable here: the steps of the grid do not give y of the result at t = %.6g",
-                       t[j]),
+    if (const double off = w_.row(j).cwiseProduct(active_.row(j)).cwiseAbs().maxCoeff();
+        !(off <= left_where_y_acts * terms))
+      refuse_here(text("not differentiable here: the steps of the grid do not give y of the result at t = %.6g", t[j]),
                   "solve on more steps, with sources that do not jump inside steps");
 }
 
@@ -174,8 +175,8 @@ SolutionChange SpaceTimeDerivative::jvp(const DataChange& c) {
   if (c.f.size() > 0) r += forward_->apply(c.f);
   HeldSets::Found found = forward_->solve(r);
   SolutionChange out{std::move(found.y), RowMatrix(), std::move(found.w), RowMatrix()};
-  terms += to_dense(scene_.M).cwiseAbs() * out.y.row(0).cwiseAbs().transpose();
-  check_change_at_start(undecided_at_start(y_, w_, at_zero_.active(set_at_zero_)), out.w.row(0).transpose(), terms);
+  if (!undecided_.empty()) terms += to_dense(scene_.M).cwiseAbs() * out.y.row(0).cwiseAbs().transpose();
+  check_change_at_start(undecided_, out.w.row(0).transpose(), terms);
   out.integral = integral_of(out.y, h_);
   return out;
 }
@@ -206,12 +207,11 @@ DataChange SpaceTimeDerivative::vjp(const SolutionChange& of) {
   bar.g -= in_reversed_time(backward().solve(-in_reversed_time(eta)).y);
   bar.f = backward_kernel_->apply(bar.g);
   first += bar.f.row(0).transpose();
-  check_gradient_at_start(undecided_at_start(y_, w_, at_zero_.active(set_at_zero_)), first,
-                          bar.f.row(0).norm() + first.norm());
+  check_gradient_at_start(undecided_, first, bar.f.row(0).norm() + first.norm());
   at_zero_.solve_transposed(set_at_zero_, first, mu);
   bar.g.row(0) -= mu.transpose();
   bar.x0 = start_transposed(bar.g);
-  bar.M = transposed_product(bar.g, y_);
+  bar.M = transposed_product(bar.g, y_, backend_);
   return bar;
 }
 

@@ -18,15 +18,16 @@
 #include "solution_derivative.hpp"
 
 #include <memory>
+#include <vector>
 
 namespace bromwich {
 
 class SpaceTimeDerivative {
  public:
   /// The result must be of this scene, on a grid of equal steps, by march, contour or multigrid; its method solves the
-  /// linear problems, too. The backend need not be the one that solved the scene, and has to outlive this object. Throws
-  /// Error as SolutionDerivative does, and for sources of the state that do not enter through B, free rows, dense
-  /// dynamics with a mass matrix, and sparse dynamics whose kernel is given by few poles.
+  /// linear problems, too. The backend need not be the one that solved the scene, and has to outlive this object.
+  /// Throws Error as SolutionDerivative does, and for sources of the state that do not enter through B, free rows,
+  /// dense dynamics with a mass matrix, and sparse dynamics whose kernel is given by few poles.
   SpaceTimeDerivative(const Scene&, const Result&, Backend&);
   ~SpaceTimeDerivative();
 
@@ -35,8 +36,8 @@ class SpaceTimeDerivative {
   /// That solves the linear problems: march where another did not converge.
   Method method() const { return forward_->method(); }
 
-  /// Members x0 (m), f ((J+1) x n, through B), g ((J+1) x n) and M (n x n); others throw Error. x of what is returned is
-  /// empty. Uses the plans and arrays of this object.
+  /// Members x0 (m), f ((J+1) x n, through B), g ((J+1) x n) and M (n x n); others throw Error. x of what is returned
+  /// is empty. Uses the plans and arrays of this object.
   SolutionChange jvp(const DataChange&);
   /// x of the function must be empty. The gradient has the members f through B, g and M, and x0 where A is dense or a
   /// Kronecker sum.
@@ -55,12 +56,13 @@ class SpaceTimeDerivative {
   double h_ = 0;
   RowMatrix y_, w_, active_;
   LcpMatrix transposed_M_;
-  std::unique_ptr<HeldSets> forward_, backward_;    ///< the second is made by the first vjp
+  std::unique_ptr<HeldSets> forward_, backward_;  ///< the second is made by the first vjp
   std::unique_ptr<TransposedKernel> backward_kernel_;
   struct Start;
   std::unique_ptr<Start> start_;  ///< of dynamics known by shifted solves
   SetResponses at_zero_;          ///< of M
   Index set_at_zero_ = 0;
+  std::vector<Index> undecided_;  ///< undecided_at_start
   DerivativeMargin margin_;
 };
 

@@ -3,8 +3,8 @@
 //
 //     w_j = (M^T y)_j + r_j + Σ_{k >= j} W_{k-j}^T y_k,   j = J, ..., 1,
 //
-// is a problem w = M^T y + r + K~ y with the weights W_d^T (core/kernel/transposed_kernel.hpp). Row 0 has no weights: y_0
-// has to be zero.
+// is a problem w = M^T y + r + K~ y with the weights W_d^T (core/kernel/transposed_kernel.hpp). Row 0 has no weights:
+// y_0 has to be zero.
 
 #include "time_operator.hpp"
 

@@ -117,8 +117,9 @@ nb::tuple forward(const AnyDerivative& d, const std::optional<Array1>& x0, const
 nb::tuple backward(const AnyDerivative& d, const std::optional<Array2>& y, const std::optional<Array2>& x,
                    const std::optional<Array2>& w, const std::optional<Array2>& integral) {
   DataChange g = d.vjp({table(y), table(x), table(w), table(integral)});
-  return nb::make_tuple(g.x0.size() > 0 ? handed_over(std::move(g.x0)) : nb::none(), handed_over(std::move(g.f)), handed_over(std::move(g.g)),
-                        or_none(g.A), or_none(g.B), or_none(g.N), or_none(g.M), or_none(g.E));
+  return nb::make_tuple(g.x0.size() > 0 ? handed_over(std::move(g.x0)) : nb::none(), handed_over(std::move(g.f)),
+                        handed_over(std::move(g.g)), or_none(g.A), or_none(g.B), or_none(g.N), or_none(g.M),
+                        or_none(g.E));
 }
 
 /// (value, x weights) of the quantity of the scene file, or of one with these members.

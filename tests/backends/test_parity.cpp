@@ -241,9 +241,8 @@ TEST_F(BackendParity, Derivatives) {
         EXPECT_EQ(derivative.method(), method);
         return derivative.jvp(change).y;
       });
-      expect_same("vjp " + where, [&](Backend& backend) {
-        return RowMatrix(SpaceTimeDerivative(scene, result, backend).vjp(of).g);
-      });
+      expect_same("vjp " + where,
+                  [&](Backend& backend) { return RowMatrix(SpaceTimeDerivative(scene, result, backend).vjp(of).g); });
     }
 }
 

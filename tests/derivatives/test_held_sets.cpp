@@ -78,9 +78,9 @@ TEST_P(HeldSetsOnBackends, AreSolvedByEveryMethod) {
         adjoint.M = transposed(scene.M);
         std::unique_ptr<HeldSets> other;
         if (backwards)
-          other = std::make_unique<HeldSets>(
-              adjoint, *backend, active, method, family,
-              [&](const DiscreteProblem& p) { return make_transposed_operator(p, forward.time_operator()); });
+          other = std::make_unique<HeldSets>(adjoint, *backend, active, method, family, [&](const DiscreteProblem& p) {
+            return make_transposed_operator(p, forward.time_operator());
+          });
         HeldSets& held = backwards ? *other : forward;
         Matrix K = dense_kernel(scene, J);
         if (backwards) {  // rows 1 to J in reversed order, row 0 without weights
@@ -88,8 +88,7 @@ TEST_P(HeldSetsOnBackends, AreSolvedByEveryMethod) {
           K.setZero();
           for (Index i = 1; i <= J; ++i)
             for (Index k = 1; k <= i; ++k)
-              K.block(i * n, k * n, n, n) =
-                  toeplitz.block((J - k) * n, (J - i) * n, n, n).transpose();
+              K.block(i * n, k * n, n, n) = toeplitz.block((J - k) * n, (J - i) * n, n, n).transpose();
         }
         const Matrix whole = with_M(K, backwards ? adjoint.M : scene.M);
         for (int twice = 0; twice < 2; ++twice, r *= 1e-9) {
