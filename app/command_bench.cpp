@@ -31,6 +31,7 @@ constexpr auto benchmarks = std::to_array<Benchmark>({
     {"adjoints", "all ways to solve the adjoint of a chain of steps, from 16 to 3001 states", bench_adjoints},
     {"auto", "the choice of auto compared with the best method by name", bench_auto},
     {"batch", "many scenes at once: time of a scene and step, compared with a loop of prepared solves", bench_batch},
+    {"derivatives", "derivatives of all scenes compared with central differences of solves", bench_derivatives},
     {"fields", "sparse dynamics with contact on one side, compared with a sparse implicit Euler", bench_fields},
     {"galerkin", "boundary values and initial values by Galerkin in time, compared with implicit Euler",
      bench_galerkin},

@@ -299,11 +299,31 @@ def derivative_costs(data):
     lines = ["| | time | over a prepared solve |", "|--" * 3 + "|"]
     for of in [row, *others]:
         scene = f"{of['scene']}, n = {of['constraints']}: " if of in others else ""
+        if of.get("kind") == "over all time points":
+            scene = f"{scene[:-2]}, by {of['method']} over all time points: "
         for name, us in of["us"].items():
             lines.append(f"| {scene}{name} | {us:.0f} us | {of['over_solve'][name]:.2f} |")
     lines += ["", f"A drawn scene with 4 constraints, {row['steps']} steps; a prepared solve takes {row['us_solve']:.0f} us. "
               f"{data['machine']['cpu']}, {data['compiler']}, {origin(data)}."]
     return lines
+
+
+def derivatives(data):
+    """The largest difference of each scene, and why data or scenes are refused."""
+    lines = ["| scene | derivative | m, n | steps or switches | margin | largest difference | of | not by |", "|--" * 8 + "|"]
+    reasons = {}
+    for row in data["rows"]:
+        if not row["kind"] or not row["error"]:
+            reasons.setdefault(row["reason"] or "; ".join(sorted(set(row["refused"].values()))), []).append(row["scene"])
+            continue
+        worst = max(row["error"], key=lambda name: row["error"][name])
+        lines.append(
+            f"| {row['scene']} | {row['kind']} | {row['states']}, {row['constraints']} | {row.get('steps', row.get('switches'))} | "
+            f"{row['margin']:.1e} | {row['error'][worst]:.1e} | {worst} | {', '.join(sorted(row['refused']))} |"
+        )
+    lines += ["", "Refused:", ""]
+    lines += [f"- {', '.join(scenes)}: {why.removeprefix('derivative: ').split(';')[0]}" for why, scenes in reasons.items()]
+    return lines + ["", *(f"{note}." for note in data["notes"]), f"{machine(data)}."]
 
 
 def bracket(data):

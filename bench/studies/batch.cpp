@@ -9,6 +9,7 @@
 #include "bench/studies/study.hpp"
 #include "core/derivatives/modal_derivative.hpp"
 #include "core/derivatives/solution_derivative.hpp"
+#include "core/derivatives/space_time_derivative.hpp"
 #include "core/solve/solve.hpp"
 #include "core/solve/solver.hpp"
 #include "cpu/cpu_backend.hpp"
@@ -20,6 +21,7 @@
 #include <cmath>
 #include <filesystem>
 #include <functional>
+#include <memory>
 #include <random>
 #include <utility>
 
@@ -139,25 +141,23 @@ void measure_batch(const BatchCase& c, Backend& backend, const BenchRequest& req
                          {"difference", difference}});
 }
 
-// Derivatives of one scene, by SolutionDerivative or ModalDerivative, beside a prepared solve of it. Jacobian-vector
-// products by each of `changes`, and the gradient by all data of the sum of y.
-template <class Derivative>
-void measure_derivative(const Scene& scene, Options options,
+// Derivatives of one scene, of any class that `make` makes, beside a prepared solve of it by the same method.
+// Jacobian-vector products by each of `changes`, and the gradient by all data of the sum of y.
+template <class Make>
+void measure_derivative(const Scene& scene, const Options& options, const std::string& kind, const Make& make,
                         const std::vector<std::pair<std::string, DataChange>>& changes, Backend& backend,
                         const BenchRequest& request, BenchReport& report,
                         std::vector<std::vector<std::string>>& lines) {
-  options.method = Method::march;
   Solver solver(scene, backend, options);
   Result result = solver.solve();
-  const Derivative derivative(scene, result);
+  auto derivative = make(result);
   SolutionChange of;
   of.y = RowMatrix::Ones(result.steps + 1, scene.constraints());
   std::vector<std::pair<std::string, std::function<void()>>> calls{
-      {"a prepared solve", [&] { result = solver.solve(); }},
-      {"preparing a derivative", [&] { Derivative(scene, result); }}};
+      {"a prepared solve", [&] { result = solver.solve(); }}, {"preparing a derivative", [&] { make(result); }}};
   for (const auto& change : changes)
-    calls.emplace_back("jvp of " + change.first, [&] { derivative.jvp(change.second); });
-  calls.emplace_back("vjp of all data", [&] { derivative.vjp(of); });
+    calls.emplace_back("jvp of " + change.first, [&] { derivative->jvp(change.second); });
+  calls.emplace_back("vjp of all data", [&] { derivative->vjp(of); });
   std::vector<std::vector<double>> times(calls.size());
   for (int round = 0; round < request.repeats(); ++round)
     for (std::size_t i = 0; i < calls.size(); ++i) {
@@ -167,19 +167,50 @@ void measure_derivative(const Scene& scene, Options options,
       times[i].push_back(1e6 * seconds_since(start) / together);
     }
   const double solve = median(times[0]);
-  Json row{{"scene", scene.name},
-           {"backend", backend.name()},
-           {"steps", result.steps},
-           {"constraints", scene.constraints()},
+  Json row{{"scene", scene.name},   {"backend", backend.name()},
+           {"kind", kind},          {"method", to_string(result.method)},
+           {"steps", result.steps}, {"constraints", scene.constraints()},
            {"us_solve", solve}};
   for (std::size_t i = 1; i < calls.size(); ++i) {
     const double us = median(times[i]);
     row["us"][calls[i].first] = us;
     row["over_solve"][calls[i].first] = us / solve;
-    lines.push_back({scene.name, fmt::format("{}", scene.constraints()), calls[i].first, fmt::format("{:.1f}", us),
-                     fmt::format("{:.2f}", us / solve)});
+    lines.push_back({scene.name, fmt::format("{}", scene.constraints()), backend.name(), kind, to_string(result.method),
+                     calls[i].first, fmt::format("{:.1f}", us), fmt::format("{:.2f}", us / solve)});
   }
   report.rows.push_back(std::move(row));
+}
+
+struct SignoriniCase {
+  Index n, steps;
+};
+
+// In modes on the host, and over all time points on this backend by each method.
+void measure_signorini(const SignoriniCase& c, Backend& backend, bool in_modes, const BenchRequest& request,
+                       BenchReport& report, std::vector<std::vector<std::string>>& lines) {
+  const Scene scene = choose_scene("signorini", {{"Q", double(c.n)}}).scene;
+  const Index rows = c.steps + 1;
+  DataChange x0, f, g, M;
+  x0.x0 = Vector::Ones(scene.states());
+  f.f = RowMatrix::Ones(rows, c.n);
+  g.g = RowMatrix::Ones(rows, c.n);
+  M.M = Matrix::Identity(c.n, c.n);
+  const std::vector<std::pair<std::string, DataChange>> changes{{"x0", x0}, {"f", f}, {"g", g}, {"M", M}};
+  Options options;
+  options.steps = c.steps;
+  options.method = Method::march;
+  if (in_modes)
+    measure_derivative(
+        scene, options, "in modes on the host",
+        [&](const Result& result) { return std::make_unique<ModalDerivative>(scene, result); }, changes, backend,
+        request, report, lines);
+  for (const Method method : {Method::march, Method::contour, Method::multigrid}) {
+    options.method = method;
+    measure_derivative(
+        scene, options, "over all time points",
+        [&](const Result& result) { return std::make_unique<SpaceTimeDerivative>(scene, result, backend); }, changes,
+        backend, request, report, lines);
+  }
 }
 
 void measure_derivatives(Backend& backend, const BenchRequest& request, BenchReport& report,
@@ -188,23 +219,23 @@ void measure_derivatives(Backend& backend, const BenchRequest& request, BenchRep
   by_x0.x0 = Vector::Ones(4);
   by_A.A = Matrix::Ones(4, 4);
   Options options;
+  options.method = Method::march;
   options.steps = request.quick ? 64 : 1000;
   options.states = StateSelection::all;
-  measure_derivative<SolutionDerivative>(drawn_scene(), options, {{"x0", by_x0}, {"A", by_A}}, backend, request, report,
-                                         lines);
-  options.states = StateSelection::none;
-  for (const double Q : request.quick ? std::vector<double>{15} : std::vector<double>{39, 127}) {
-    const Scene scene = choose_scene("signorini", {{"Q", Q}}).scene;
-    options.steps = request.quick ? 64 : 400;
-    const Index n = scene.constraints(), rows = options.steps + 1;
-    DataChange x0, f, g, M;
-    x0.x0 = Vector::Ones(scene.states());
-    f.f = RowMatrix::Ones(rows, n);
-    g.g = RowMatrix::Ones(rows, n);
-    M.M = Matrix::Identity(n, n);
-    measure_derivative<ModalDerivative>(scene, options, {{"x0", x0}, {"f", f}, {"g", g}, {"M", M}}, backend, request,
-                                        report, lines);
-  }
+  const Scene drawn = drawn_scene();
+  measure_derivative(
+      drawn, options, "dense",
+      [&](const Result& result) { return std::make_unique<SolutionDerivative>(drawn, result); },
+      {{"x0", by_x0}, {"A", by_A}}, backend, request, report, lines);
+  for (const Index n : request.quick ? std::vector<Index>{15} : std::vector<Index>{39, 127})
+    measure_signorini({n, request.quick ? 64 : 400}, backend, true, request, report, lines);
+}
+
+// Of one device, with a host that has the same threads.
+void measure_on_device(Backend& device, const BenchRequest& request, BenchReport& report,
+                       std::vector<std::vector<std::string>>& lines) {
+  for (const Index n : request.quick ? std::vector<Index>{15} : std::vector<Index>{127, 511})
+    measure_signorini({n, request.quick ? 64 : 400}, device, true, request, report, lines);
 }
 
 }  // namespace
@@ -217,7 +248,8 @@ BenchReport bench_batch(const BenchRequest& request, Backend& backend) {
   report.details["ns_single"] =
       "Solver::set_x0 and Solver::solve in a loop, or solve where scenes have their own A: likewise";
   report.details["in_lanes"] = "scenes that were stepped side by side";
-  report.details["us"] = "of core/derivatives, in microseconds; us_solve: a prepared solve of the same scene";
+  report.details["us"] =
+      "of core/derivatives, in microseconds; us_solve: a prepared solve of the same scene by the method of the row";
   report.details["difference"] = "largest |y - y of the single solve| / max |y|";
   std::vector<std::vector<std::string>> lines{
       {"scene", "backend", "scenes", "J", "side by side", "ns", "ns single", "ratio", "other status", "difference"}};
@@ -229,8 +261,11 @@ BenchReport bench_batch(const BenchRequest& request, Backend& backend) {
   }
   print(fmt::format("nanoseconds a scene and step in batches, and in a loop of prepared solves; {} threads\n{}",
                     backend.device().threads, table(lines)));
-  std::vector<std::vector<std::string>> derivatives{{"scene", "n", "derivative", "us", "over a prepared solve"}};
+  std::vector<std::vector<std::string>> derivatives{
+      {"scene", "n", "backend", "kind", "method", "derivative", "us", "over a prepared solve"}};
   measure_derivatives(backend, request, report, derivatives);
+  if (!cuda_devices().empty())
+    measure_on_device(*make_cuda_backend(make_cpu_backend(backend.device().threads)), request, report, derivatives);
   print(fmt::format("microseconds\n{}", table(derivatives)));
   return report;
 }

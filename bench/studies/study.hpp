@@ -46,6 +46,8 @@ BenchReport bench_adjoints(const BenchRequest& request, Backend& backend);
 /// SCENE is a scene or a scene file; without one, scenes of all structures.
 BenchReport bench_auto(const BenchRequest& request, Backend& backend);
 BenchReport bench_baselines(const BenchRequest& request, Backend& backend);
+/// SCENE is a scene, a scene file or a folder of them; without one, all built-in scenes and the examples.
+BenchReport bench_derivatives(const BenchRequest& request, Backend& backend);
 /// SCENE is a scene or a scene file; without one, all scenes of the study.
 BenchReport bench_speed_vs_error(const BenchRequest& request, Backend& backend);
 /// Throws Error for a SCENE: it has its own.

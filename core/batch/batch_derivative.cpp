@@ -22,6 +22,7 @@ Result single_result(const Scene& scene, const BatchResult& all, Index k) {
   r.y = all.of(all.y, k);
   const LcpClass c = known_class(scene.M, scene.lcp_class);
   r.continuous = has_one_solution(c);
+  r.rough_steps = -1;  // not known
   return r;
 }
 

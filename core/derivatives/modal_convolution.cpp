@@ -6,6 +6,8 @@
 #include "core/numerics/phi.hpp"
 
 #include <algorithm>
+#include <cmath>
+#include <type_traits>
 #include <utility>
 
 namespace bromwich {
@@ -16,7 +18,8 @@ namespace {
 
 constexpr Index fewest_compressed = 40;  ///< of eigenvalues: a fit of fewer would not halve their number
 constexpr Index rows_together = 16;      ///< of time points, which the registers hold
-constexpr double vanished = 1e-290;      ///< denormal numbers are slow
+constexpr Index few_rows = 2;            ///< of these, in which most exponentials of a fine line vanish
+constexpr double vanished = 1e-290;      ///< as nothing; denormal numbers are slow
 
 // Zeros in further columns.
 void fill_up(RowMatrix& table, Index columns) {
@@ -111,7 +114,15 @@ ModalStart::ModalStart(const KroneckerDynamics& d, double h)
       seen_(d.across.in_modes(d.n)),
       decay_(RowMatrix::Zero(seen_.size(), simd::blocks(n_) * simd::lanes)) {
   const Vector mu = d.face_eigenvalues(), nu = d.across.eigenvalues();
-  for (Index k = 0; k < nu.size(); ++k) decay_.row(k).head(n_) = (h * (mu.array() + nu[k])).exp();
+  ends_.resize(seen_.size(), simd::blocks(n_));
+  for (Index k = 0; k < nu.size(); ++k) {
+    const Eigen::ArrayXd exponents = h * (mu.array() + nu[k]);
+    decay_.row(k).head(n_) = exponents.exp();
+    for (Index l = 0; l < n_; l += simd::lanes) {
+      const double slowest = exponents.segment(l, std::min<Index>(simd::lanes, n_ - l)).maxCoeff();
+      ends_(k, l / simd::lanes) = slowest < 0 ? std::log(vanished) / slowest : INFINITY;
+    }
+  }
 }
 
 RowMatrix ModalStart::response(const RowMatrix& x0, Index J) const {
@@ -121,14 +132,21 @@ RowMatrix ModalStart::response(const RowMatrix& x0, Index J) const {
   for (Index first = 0; first <= J; first += rows_together) {
     for (Index l = 0; l < width; l += simd::lanes) {
       Lanes sum[rows_together] = {};
-      for (Index k = 0; k < K; ++k) {
+      const auto add = [&]<Index used>(Index k, std::integral_constant<Index, used>) {
         Lanes value = simd::load(&x(k, l));
         const Lanes decay = simd::load(&decay_(k, l));
-        for (Index i = 0; i < rows_together; ++i) {
+        for (Index i = 0; i < used; ++i) {
           sum[i] += value;
           value *= decay;
         }
         simd::store(&x(k, l), simd::abs(value) > vanished ? value : Lanes{});
+      };
+      for (Index k = 0; k < K; ++k) {
+        const double left = ends_(k, l / simd::lanes) - double(first);
+        if (left >= double(few_rows))
+          add(k, std::integral_constant<Index, rows_together>());
+        else if (left >= 0)
+          add(k, std::integral_constant<Index, few_rows>());
       }
       for (Index i = 0; i < rows_together; ++i) simd::store(&rows(i, l), sum[i]);
     }
@@ -149,11 +167,18 @@ RowMatrix ModalStart::transposed(const RowMatrix& rho) const {
     for (Index l = 0; l < width; l += simd::lanes) {
       Lanes given[rows_together];
       for (Index i = 0; i < rows_together; ++i) given[i] = simd::load(&rows(i, l));
-      for (Index k = 0; k < K; ++k) {
+      const auto take = [&]<Index used>(Index k, std::integral_constant<Index, used>) {
         Lanes value = simd::load(&q(k, l));
         const Lanes decay = simd::load(&decay_(k, l));
-        for (Index i = rows_together; i-- > 0;) value = value * decay + given[i];
+        for (Index i = used; i-- > 0;) value = value * decay + given[i];
         simd::store(&q(k, l), value);
+      };
+      for (Index k = 0; k < K; ++k) {
+        const double left = ends_(k, l / simd::lanes) - double(first);
+        if (left >= double(few_rows))
+          take(k, std::integral_constant<Index, rows_together>());
+        else if (left >= 0)
+          take(k, std::integral_constant<Index, few_rows>());
       }
     }
   }

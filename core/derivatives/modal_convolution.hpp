@@ -48,6 +48,8 @@ class ModalStart {
   Index n_;
   Vector seen_;      ///< K, n^
   RowMatrix decay_;  ///< K x n, e^{h (mu + nu_k)}, columns filled up to whole vectors
+  RowMatrix
+      ends_;  ///< K x vectors of columns: rows of time points from which on the powers of all their entries vanish
 };
 
 }  // namespace bromwich

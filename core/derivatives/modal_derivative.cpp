@@ -2,6 +2,7 @@
 
 #include "core/base/error.hpp"
 #include "core/base/text.hpp"
+#include "core/derivatives/lcp_terms.hpp"
 #include "core/numerics/phi.hpp"
 #include "core/scene/separable.hpp"
 
@@ -39,21 +40,6 @@ RowMatrix sampled(const TimeFunction& function, const Vector& t, Index width) {
   return function ? RowMatrix(sample(function, t, width).table()) : RowMatrix::Zero(t.size(), width);
 }
 
-LcpMatrix transposed(const LcpMatrix& M) {
-  if (const auto* dense = std::get_if<Matrix>(&M)) return Matrix(dense->transpose());
-  if (const SparseMatrix* sparse = sparse_of(M)) return SparseLcpMatrix(sparse->transpose());
-  auto t = std::get<Tridiagonal>(M);
-  for (Index i = 1; i < t.diagonal.size(); ++i) std::swap(t.lower[i], t.upper[i - 1]);
-  return t;
-}
-
-std::vector<Index> positive(const RowMatrix& y, Index j) {
-  std::vector<Index> S;
-  for (Index i = 0; i < y.cols(); ++i)
-    if (y(j, i) > 0) S.push_back(i);
-  return S;
-}
-
 }  // namespace
 
 ModalDerivative::ModalDerivative(const Scene& scene, const Result& result)
@@ -82,9 +68,10 @@ ModalDerivative::ModalDerivative(const Scene& scene, const Result& result)
   const Matrix W = M_ + V * convolution_.own().asDiagonal() * V.transpose();
   sets_.resize(std::size_t(J_) + 1);
   for (Index j = 0; j <= J_; ++j)
-    sets_[std::size_t(j)] = j > 0 ? responses_.take(positive(y_, j), W) : responses_.take(positive(y_, j), M_, 1);
+    sets_[std::size_t(j)] = j > 0 ? responses_.take(positive_in(y_, j), W) : responses_.take(positive_in(y_, j), M_, 1);
   w_ = sampled(scene.g, t_, n_) + y_ * M_.transpose();
   follow(state_modes(scene.x0), y_ + sampled(scene.f, t_, n_));
+  undecided_ = undecided_at_start(y_, w_, responses_.active(sets_[0]));
   margin_ = margin_of_sets(
       y_, w_, t_, [this](Index j) -> const std::vector<Index>& { return responses_.active(sets_[std::size_t(j)]); });
 }

@@ -60,6 +60,7 @@ class ModalDerivative {
   RowMatrix y_, w_;
   SetResponses responses_;  ///< of W, and of M at t = 0
   std::vector<Index> sets_;
+  std::vector<Index> undecided_;  ///< undecided_at_start
   DerivativeMargin margin_;
 };
 

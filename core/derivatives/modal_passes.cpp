@@ -5,6 +5,7 @@
 #include "core/base/error.hpp"
 #include "core/base/text.hpp"
 #include "core/derivatives/check_table.hpp"
+#include "core/derivatives/lcp_terms.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -12,38 +13,6 @@
 #include <utility>
 
 namespace bromwich {
-
-namespace {
-
-// w += M y, n values each.
-void add_product(const LcpMatrix& M, const double* y, double* w) {
-  const Index n = size(M);
-  const Eigen::Map<const Vector> from(y, n);
-  Eigen::Map<Vector> to(w, n);
-  if (const auto* dense = std::get_if<Matrix>(&M)) {
-    to.noalias() += *dense * from;
-  } else if (const SparseMatrix* sparse = sparse_of(M)) {
-    to += *sparse * from;
-  } else {
-    const auto& t = std::get<Tridiagonal>(M);
-    to += t.diagonal.cwiseProduct(from);
-    to.tail(n - 1) += t.lower.tail(n - 1).cwiseProduct(from.head(n - 1));
-    to.head(n - 1) += t.upper.head(n - 1).cwiseProduct(from.tail(n - 1));
-  }
-}
-
-// a^T b, some rows at a time: the copies that a product makes of its factors stay small.
-Matrix transposed_product(const RowMatrix& a, const RowMatrix& b) {
-  constexpr Index together = 64;
-  Matrix product = Matrix::Zero(a.cols(), b.cols());
-  for (Index j = 0; j < a.rows(); j += together) {
-    const Index count = std::min(together, a.rows() - j);
-    product.noalias() += a.middleRows(j, count).transpose() * b.middleRows(j, count);
-  }
-  return product;
-}
-
-}  // namespace
 
 SolutionChange ModalDerivative::jvp(const DataChange& c, bool states) const {
   for (const auto& [name, matrix] : {std::pair("A", &c.A), {"B", &c.B}, {"N", &c.N}, {"E", &c.E}})
@@ -86,10 +55,10 @@ SolutionChange ModalDerivative::jvp(const DataChange& c, bool states) const {
       out.integral.row(0).setZero();
   }
   w += face_.to_points(std::move(v));
-  for (Index j = 0; j <= J_; ++j) add_product(scene_M_, out.y.row(j).data(), w.row(j).data());
+  add_products(scene_M_, out.y, w);
   terms += M_.cwiseAbs() * out.y.row(0).cwiseAbs().transpose();
   if (x0.size() > 0) terms.array() += (seen_.cwiseAbs().transpose() * x0.cwiseAbs()).norm();
-  check_change_at_start(undecided_at_start(y_, w_, responses_.active(sets_[0])), w.row(0).transpose(), terms);
+  check_change_at_start(undecided_, w.row(0).transpose(), terms);
   if (states) out.x = states_of(x0, u);
   return out;
 }
@@ -109,7 +78,7 @@ DataChange ModalDerivative::vjp(const SolutionChange& of) const {
   // What w and x at any time have of y, without the states that y leads to.
   if (of.x.size() > 0 || of.w.size() > 0) given = face_.to_points(of_u);
   const double of_start = given.size() > 0 ? given.row(0).norm() : 0;
-  for (Index j = 0; j < of.w.rows(); ++j) add_product(transposed_M_, of.w.row(j).data(), given.row(j).data());
+  if (of.w.size() > 0) add_products(transposed_M_, of.w, given);
   bar.g = of.w.size() > 0 ? of.w : RowMatrix::Zero(J_ + 1, n_);
   ModalConvolution::State zeta = convolution_.state();
   Vector b = Vector::Zero(n_), eta(n_), mu(n_), modes = Vector::Zero(n_), later = Vector::Zero(n_);
@@ -129,7 +98,7 @@ DataChange ModalDerivative::vjp(const SolutionChange& of) const {
       later += of.integral.row(j).transpose();
       if (j > 0) eta += h_ / 2 * later;
     }
-    if (j == 0) check_gradient_at_start(undecided_at_start(y_, w_, active), eta, of_states + eta.norm());
+    if (j == 0) check_gradient_at_start(undecided_, eta, of_states + eta.norm());
     responses_.solve_transposed(sets_[std::size_t(j)], eta, mu);
     face_.of_set(active, mu, modes);
     rho.row(j) -= modes.transpose();

@@ -5,6 +5,7 @@
 #include "core/derivatives/check_table.hpp"
 #include "core/kernel/recurrence.hpp"
 #include "core/scene/separable.hpp"
+#include "core/scene/source_steps.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -39,6 +40,31 @@ DenseDynamics checked(const Scene& scene, const Result& r) {
     refuse("not differentiable here: y may jump, and the derivative of the discrete solution is not that of y",
            "differentiate scenes with a continuous y (M of class P)");
   return *d;
+}
+
+// Sources that jump or bend inside steps: their parts are not in the steps that are differentiated, and constraints
+// need not see them.
+void check_sources(const Scene& scene, const Result& r) {
+  if (!scene.f || r.rough_steps == 0) return;
+  const SampledSource f = sample(scene.f, r.t, scene.sources());
+  const SourceSteps steps = find_source_steps(scene, r.t, f, sample(scene.g, r.t, scene.constraints()), false);
+  const double most = f.values().cwiseAbs().maxCoeff();
+  for (const RoughStep& rough : steps.rough)
+    for (const SourcePiece& piece : rough.pieces) {
+      const double h = r.t[rough.step] - r.t[rough.step - 1], from = (piece.start - r.t[rough.step - 1]) / h;
+      const auto beyond = [&](double part, const Vector& value) {
+        const double at = from + part * piece.length / h;
+        const Vector line =
+            (1 - at) * f.values().row(rough.step - 1).transpose() + at * f.values().row(rough.step).transpose();
+        return (value - line).cwiseAbs().maxCoeff();
+      };
+      const Matrix& c = piece.phi;
+      const double off = std::max({beyond(0, c.col(0)), beyond(0.5, c * Eigen::Vector3d(1, 0.5, 0.25)),
+                                   beyond(1, c * Eigen::Vector3d::Ones())});
+      if (off > same_solution * most)
+        refuse(text("f jumps or bends inside a step or at its end (t = %.6g)", r.t[rough.step]),
+               "take the derivative with located switches");
+    }
 }
 
 // The derivative of a function of A in the direction D: the upper right block of the function of [[A, D], [0, A]]. D is
@@ -101,6 +127,7 @@ SolutionDerivative::SolutionDerivative(const Scene& scene, const Result& result)
     d_.E.resize(0, 0);
   }
   h_ = scene.T / double(J_);
+  if (t_.size() == J_ + 1) check_sources(scene, result);
   if (y_.rows() != J_ + 1 || y_.cols() != n_ || t_.size() != J_ + 1)
     refuse("the result has other rows than its grid", "differentiate a result as solve returned it");
   const StepOperators step = step_operators(d_.A, Rule::exponential, h_, J_);

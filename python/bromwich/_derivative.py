@@ -26,10 +26,10 @@ class Tangent(NamedTuple):
 class Gradient(NamedTuple):
     """Derivatives of a number with respect to the data, each of the shape of its data: x0 (m), f (J+1) x m and g (J+1) x
     n at the time points, A, B, N, M and E. M is None where y jumps at a switch or M is singular on an active set (a change
-    of M acts from one side only), E is None where switches are not located. Of a Kronecker sum with more than 1000 states
-    there are x0, f (through B: (J+1) x n), g and M."""
+    of M acts from one side only), E is None where switches are not located. Of scenes with more than 1000 states there
+    are x0 (None for sparse dynamics), f (through B: (J+1) x n), g and M."""
 
-    x0: np.ndarray
+    x0: np.ndarray | None
     f: np.ndarray
     g: np.ndarray
     A: np.ndarray | None

@@ -5,6 +5,7 @@
 #include "core/base/error.hpp"
 #include "core/derivatives/modal_derivative.hpp"
 #include "core/derivatives/quantity_derivative.hpp"
+#include "core/derivatives/space_time_derivative.hpp"
 #include "core/derivatives/switched_derivative.hpp"
 #include "module.hpp"
 #include "sources.hpp"
@@ -14,6 +15,7 @@
 #include <nanobind/stl/vector.h>
 
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <string>
 #include <utility>
@@ -39,12 +41,13 @@ nb::object handed_over(Vector values) {
 
 nb::object or_none(const Matrix& m) { return m.size() > 0 ? handed_over(RowMatrix(m)) : nb::none(); }
 
-constexpr Index largest_written_out = 1000;  ///< states of Kronecker sums that SolutionDerivative takes
+constexpr Index largest_written_out = 1000;  ///< states that SolutionDerivative takes
 
-/// Of the discrete solution, in modes where it is a large Kronecker sum, or with located switches where y may jump.
+/// Of the discrete solution, with located switches where y may jump. Scenes with many states have theirs over all time
+/// points on the backend of the result, or in modes on the host.
 class AnyDerivative {
  public:
-  AnyDerivative(const Answer& answer, std::optional<bool> located) : model_(answer.model) {
+  AnyDerivative(const Answer& answer, std::optional<bool> located) : model_(answer.model), machine_(answer.machine) {
     const Scene& scene = answer.model->scene;
     const Result& result = answer.result;
     const bool jumps = y_may_jump(result) || result.method == Method::events;
@@ -52,27 +55,41 @@ class AnyDerivative {
       if (result.status != Status::solved)
         throw Error("derivative", "the result is not solved", "differentiate a result with status solved");
       switched_.emplace(scene, result.t);
-    } else if (scene.dynamics->modes() && scene.states() > largest_written_out) {
-      modal_.emplace(scene, result);
-    } else {
+    } else if (scene.states() <= largest_written_out) {
       discrete_.emplace(scene, result);
+    } else {
+      const std::lock_guard lock(machine_->busy);
+      const bool in_modes = scene.dynamics->modes();
+      if (!in_modes || space_time_pays(*machine_->backend, scene, result))
+        space_time_ = std::make_unique<SpaceTimeDerivative>(scene, result, *machine_->backend);
+      else
+        modal_.emplace(scene, result);
     }
   }
 
   SolutionChange jvp(const DataChange& c) const {
+    if (space_time_) {
+      const std::lock_guard lock(machine_->busy);
+      return space_time_->jvp(c);
+    }
     return switched_ ? switched_->jvp(c) : modal_ ? modal_->jvp(c) : discrete_->jvp(c);
   }
   DataChange vjp(const SolutionChange& c) const {
+    if (space_time_) {
+      const std::lock_guard lock(machine_->busy);
+      return space_time_->vjp(c);
+    }
     return switched_ ? switched_->vjp(c) : modal_ ? modal_->vjp(c) : discrete_->vjp(c);
   }
   const DerivativeMargin& margin() const {
+    if (space_time_) return space_time_->margin();
     return switched_ ? switched_->margin() : modal_ ? modal_->margin() : discrete_->margin();
   }
   /// Of `quantity`; null: that of the scene file.
   QuantityChange quantity(const QuantityOfInterest* quantity) const {
     if (!quantity) quantity = model_->quantity.get();
     if (!quantity) throw Error("quantity", "the scene states none", "give W, c, end_W or end_c");
-    if (modal_) throw Error("quantity", "the states of a large Kronecker sum are not kept", "weigh y, w or integral");
+    if (modal_ || space_time_) throw Error("quantity", "states of large scenes are not kept", "weigh y, w or integral");
     return switched_ ? quantity_change(*quantity, model_->scene, switched_->times(), switched_->values().x)
                      : quantity_change(*quantity, model_->scene, discrete_->times(), discrete_->states());
   }
@@ -81,7 +98,9 @@ class AnyDerivative {
 
  private:
   std::shared_ptr<const Model> model_;
+  std::shared_ptr<Machine> machine_;
   std::optional<SolutionDerivative> discrete_;
+  std::unique_ptr<SpaceTimeDerivative> space_time_;
   std::optional<ModalDerivative> modal_;
   std::optional<SwitchedDerivative> switched_;
 };
@@ -98,8 +117,9 @@ nb::tuple forward(const AnyDerivative& d, const std::optional<Array1>& x0, const
 nb::tuple backward(const AnyDerivative& d, const std::optional<Array2>& y, const std::optional<Array2>& x,
                    const std::optional<Array2>& w, const std::optional<Array2>& integral) {
   DataChange g = d.vjp({table(y), table(x), table(w), table(integral)});
-  return nb::make_tuple(handed_over(std::move(g.x0)), handed_over(std::move(g.f)), handed_over(std::move(g.g)),
-                        or_none(g.A), or_none(g.B), or_none(g.N), or_none(g.M), or_none(g.E));
+  return nb::make_tuple(g.x0.size() > 0 ? handed_over(std::move(g.x0)) : nb::none(), handed_over(std::move(g.f)),
+                        handed_over(std::move(g.g)), or_none(g.A), or_none(g.B), or_none(g.N), or_none(g.M),
+                        or_none(g.E));
 }
 
 /// (value, x weights) of the quantity of the scene file, or of one with these members.

@@ -6,6 +6,8 @@
 // with rates below 0.8. Where a scene amplifies perturbations further, Result::magnification multiplies the tolerance.
 
 #include "core/catalogue/catalogue.hpp"
+#include "core/derivatives/space_time_derivative.hpp"
+#include "tests/derivatives/drawn_changes.hpp"
 #include "tests/support/backends.hpp"
 #include "tests/support/oracle.hpp"
 #include "tests/support/random_scenes.hpp"
@@ -219,6 +221,31 @@ TEST_F(BackendParity, DenseScenes) {
         expect_same_solve(scene, options_for(method, 150), "n = " + std::to_string(n) + ", " + to_string(method));
       }
   EXPECT_EQ(solved, 24);
+}
+
+// Linear problems on the active sets of one solution, which both backends are given.
+TEST_F(BackendParity, Derivatives) {
+  using namespace derivative_test;
+  const Index J = 96;
+  for (const char* name : {"signorini", "signorini3d"})
+    for (const Method method : {Method::march, Method::contour, Method::multigrid}) {
+      const Scene scene = warmed(name, std::string(name) == "signorini" ? 39 : 5);
+      const Result result = solve(scene, *cpu, options_for(method, J));
+      ASSERT_EQ(result.status, Status::solved) << result.reason;
+      const DataChange change = drawn(scene, J, 3);
+      const Index n = scene.constraints();
+      SolutionChange of;
+      of.y = Random(4).matrix(J + 1, n);
+      of.w = Random(5).matrix(J + 1, n);
+      const std::string where = std::string(name) + ", " + to_string(method);
+      expect_same("jvp " + where, [&](Backend& backend) {
+        SpaceTimeDerivative derivative(scene, result, backend);
+        EXPECT_EQ(derivative.method(), method);
+        return derivative.jvp(change).y;
+      });
+      expect_same("vjp " + where,
+                  [&](Backend& backend) { return RowMatrix(SpaceTimeDerivative(scene, result, backend).vjp(of).g); });
+    }
 }
 
 TEST_F(BackendParity, BoundaryProblems) {

@@ -253,6 +253,26 @@ TEST(SolutionDerivative, SaysWhereThereIsNone) {
   EXPECT_NE(refusal([&] { SolutionDerivative(scene, failed); }).find("infeasible"), std::string::npos);
 }
 
+// No constraint sees the state that f drives: w alone does not show that the steps leave the jump out.
+TEST(SolutionDerivative, RefusesSourcesThatJump) {
+  Scene scene;
+  scene.dynamics = DenseDynamics{Matrix{{-1, 0}, {0, -2}}, Matrix{{0}, {1}}, Matrix{{0, 1}}};
+  scene.M = Matrix{{1}};
+  scene.x0 = Vector{{1, 0.5}};
+  scene.g = [](double t, Eigen::Ref<Vector> v) { v[0] = std::sin(5 * t + 1); };
+  scene.T = 3;
+  for (const double jump : {1.0, 1.01}) {  // at a time point, and inside a step
+    scene.f = [jump](double t, Eigen::Ref<Vector> v) { v << (t < jump ? 1 : 2), 0; };
+    scene.breakpoints = {jump};
+    const Result r = solved(scene);
+    ASSERT_EQ(r.status, Status::solved) << r.reason;
+    EXPECT_NE(refusal([&] { SolutionDerivative(scene, r); }).find("jumps or bends"), std::string::npos) << jump;
+  }
+  scene.breakpoints.clear();
+  scene.f = [](double t, Eigen::Ref<Vector> v) { v << std::cos(2 * t), 0; };
+  EXPECT_EQ(refusal([&] { SolutionDerivative(scene, solved(scene)); }), "nothing was refused");
+}
+
 TEST(SolutionDerivative, RefusesTablesOfOtherSizes) {
   const Scene scene = drawn(1);
   const SolutionDerivative derivative(scene, solved(scene));

@@ -8,6 +8,7 @@
 #include "core/kernel/discretise.hpp"
 #include "core/kernel/operators.hpp"
 #include "tests/support/backends.hpp"
+#include "tests/support/dense_kernel.hpp"
 #include "tests/support/refusal.hpp"
 
 #include <string>
@@ -52,22 +53,6 @@ std::vector<KernelCase> kernel_cases() {
           {"kronecker, fitted", lines, ConvolutionChoice::automatic, 1e-11},
           {"sparse", sparse(line), ConvolutionChoice::automatic, 1e-9}};
 }
-
-// (J+1)n x (J+1)n: row block j, column block i.
-Matrix dense_kernel(const Scene& scene, Index J) {
-  const DenseDynamics d = to_dense(scene.dynamics);
-  const Index n = scene.constraints();
-  const LagTable table = lag_table(Recurrence(dense_recurrence(d, Rule::exponential, scene.T / double(J))), J);
-  Matrix K = Matrix::Zero((J + 1) * n, (J + 1) * n);
-  for (Index j = 1; j <= J; ++j)
-    for (Index i = 0; i <= j; ++i) {
-      const RowMatrix& weights = i == 0 ? table.S : table.W;
-      K.block(j * n, i * n, n, n) = Eigen::Map<const RowMatrix>(weights.row(j - i).data(), n, n);
-    }
-  return K;
-}
-
-Vector stacked(const RowMatrix& v) { return Eigen::Map<const Vector>(v.data(), v.size()); }
 
 class TransposedKernels : public BackendTest {};
 

@@ -1,0 +1,29 @@
+#pragma once
+// Terms of M, and of tables of time points, in derivatives.
+
+#include "../base/threads.hpp"
+#include "../lcp/matrix.hpp"
+
+#include <vector>
+
+namespace bromwich {
+
+LcpMatrix transposed(const LcpMatrix&);
+
+/// w += M y, n values each.
+void add_product(const LcpMatrix& M, const double* y, double* w);
+/// The same for all rows.
+void add_products(const LcpMatrix& M, const RowMatrix& y, RowMatrix& w);
+
+/// a^T b.
+Matrix transposed_product(const RowMatrix& a, const RowMatrix& b, const HostThreads& = HostThreads());
+
+/// The i with y_ji > 0.
+std::vector<Index> positive_in(const RowMatrix& y, Index j);
+
+/// The weights of y in Σ_j of_j · ∫_0^{t_j} y, y linear between time points at distance h.
+RowMatrix integral_transposed(const RowMatrix& of, double h);
+/// ∫_0^{t_j} y.
+RowMatrix integral_of(const RowMatrix& y, double h);
+
+}  // namespace bromwich

@@ -1,0 +1,239 @@
+#include "core/derivatives/space_time_derivative.hpp"
+
+#include "core/base/error.hpp"
+#include "core/base/text.hpp"
+#include "core/derivatives/check_table.hpp"
+#include "core/derivatives/face_modes.hpp"
+#include "core/derivatives/lcp_terms.hpp"
+#include "core/derivatives/modal_convolution.hpp"
+#include "core/kernel/operators.hpp"
+#include "core/kernel/transposed_operator.hpp"
+
+#include <cmath>
+#include <utility>
+
+namespace bromwich {
+
+namespace {
+
+constexpr double left_where_y_acts = 1e-7;  ///< of the largest terms of w: what w may leave where y acts
+constexpr double smallest_rcond_at_zero = 1e-14;
+constexpr double largest_growth = 9;  ///< of log |x|: responses to x0 and y that grow by more cancel too many digits
+
+[[noreturn]] void refuse_here(const std::string& found, const std::string& remedy) {
+  throw Error("derivative", found, remedy);
+}
+
+const Scene& checked_for_all_times(const Scene& scene, const Result& r) {
+  if (r.status != Status::solved)
+    refuse_here(text("the result is not solved (%s)", to_string(r.status)), "differentiate solved results");
+  if (scene.boundary) refuse_here("the scene has a boundary condition", "differentiate a scene with an initial value");
+  if (!scene.free_rows.empty()) refuse_here("the scene has free rows", "use the derivative of dense dynamics");
+  if (scene.dynamics->small_state() && scene.dynamics->has_mass())
+    refuse_here("the dynamics are dense with a mass matrix", "use the derivative of dense dynamics");
+  if (r.method != Method::march && r.method != Method::contour && r.method != Method::multigrid)
+    refuse_here(text("the result is of method %s", to_string(r.method)), "solve by march, contour or multigrid");
+  if (y_may_jump(r))
+    refuse_here("not differentiable here: y may jump, and the derivative of the discrete solution is not that of y",
+                "differentiate scenes with a continuous y (M of class P)");
+  if (scene.f && scene.f_entry != SourceEntry::through_B)
+    refuse_here("f does not enter through B", "state f as f = B phi");
+  if (r.y.rows() != r.steps + 1 || r.y.cols() != scene.constraints() || r.t.size() != r.steps + 1)
+    refuse_here("the result has other rows than its grid", "differentiate a result as solve returned it");
+  return scene;
+}
+
+Scene without_f_and_g(Scene scene) {
+  scene.f = {};
+  scene.f_entry = SourceEntry::state;
+  scene.g = {};
+  scene.breakpoints.clear();
+  return scene;
+}
+
+// Row k becomes row J + 1 - k; row 0 becomes 0.
+RowMatrix in_reversed_time(const RowMatrix& u) {
+  RowMatrix result(u.rows(), u.cols());
+  result.row(0).setZero();
+  result.bottomRows(u.rows() - 1) = u.bottomRows(u.rows() - 1).colwise().reverse();
+  return result;
+}
+
+}  // namespace
+
+// The response to x0 of dynamics that are known by shifted solves.
+struct SpaceTimeDerivative::Start {
+  Start(const Scene& given, Backend& backend, Index J, GridFamily& family)
+      : scene(without_f_and_g(given)),
+        problem(discretise(scene, backend, J, false, &family)),
+        op(make_time_operator(problem)),
+        kernel(op->kernel(ConvolutionChoice::automatic)),
+        work(backend.array(J + 1, scene.constraints())),
+        r(backend.array(J + 1, scene.constraints())) {
+    op->keep_prepared();
+  }
+
+  RowMatrix of(const Vector& x0) {
+    scene.x0 = x0;
+    set_start(problem);
+    op->renew({.x0 = true, .sources = false});
+    op->response(kernel, *work, *r);
+    RowMatrix values;
+    problem.backend.download(*r, values);
+    return values;
+  }
+
+  Scene scene;
+  DiscreteProblem problem;
+  std::unique_ptr<TimeOperator> op;
+  KernelPlan kernel;
+  std::unique_ptr<Array> work, r;
+};
+
+SpaceTimeDerivative::SpaceTimeDerivative(const Scene& scene, const Result& result, Backend& backend)
+    : scene_(checked_for_all_times(scene, result)),
+      backend_(backend),
+      J_(result.steps),
+      n_(scene.constraints()),
+      h_(scene.T / double(J_)),
+      y_(result.y),
+      active_((result.y.array() > 0).cast<double>()),
+      transposed_M_(transposed(scene.M)) {
+  if (const double growth = family_.of(scene_.dynamics)->spectrum().abscissa * scene_.T; growth > largest_growth)
+    refuse_here(text("states grow by e^%.3g over [0, T]", growth), "use the derivative on the host, or a shorter T");
+  forward_ = std::make_unique<HeldSets>(scene_, backend, active_, result.method, family_, make_time_operator);
+  if (pole_recurrence_of(*forward_->weights()))
+    refuse_here("the kernel is given by few poles", "differentiate scenes with fewer steps or constraints");
+  backward_kernel_ = std::make_unique<TransposedKernel>(backend, forward_->weights(), J_ + 1);
+  const std::vector<Index> first = positive_in(y_, 0);
+  set_at_zero_ = at_zero_.take(first, to_dense(scene_.M));
+  if (!(at_zero_.condition(set_at_zero_) > smallest_rcond_at_zero))
+    refuse_here("not differentiable here: the active constraints at t = 0 do not determine y",
+                "remove constraints that repeat each other");
+  follow(result.t);
+  undecided_ = undecided_at_start(y_, w_, first);
+  std::vector<std::vector<Index>> sets;
+  for (Index j = 0; j <= J_; ++j) sets.push_back(positive_in(y_, j));
+  margin_ =
+      margin_of_sets(y_, w_, result.t, [&](Index j) -> const std::vector<Index>& { return sets[std::size_t(j)]; });
+}
+
+SpaceTimeDerivative::~SpaceTimeDerivative() = default;
+
+// w of the solution. It has to vanish where y acts.
+void SpaceTimeDerivative::follow(const Vector& t) {
+  const DiscreteProblem whole = discretise(scene_, backend_, J_, false, &family_);
+  RowMatrix u = y_;
+  if (whole.f.size() > 0) u += whole.f.table();
+  w_ = forward_->apply(u) + response_to(scene_.x0);
+  if (whole.rough_response) w_ += *whole.rough_response;
+  const double of_states = w_.cwiseAbs().maxCoeff();
+  add_products(scene_.M, y_, w_);
+  w_ += whole.g.table();
+  const double terms = 1e-290 + of_states + w_.cwiseAbs().maxCoeff();
+  for (Index j = 0; j <= J_; ++j)
+    if (const double off = w_.row(j).cwiseProduct(active_.row(j)).cwiseAbs().maxCoeff();
+        !(off <= left_where_y_acts * terms))
+      refuse_here(text("not differentiable here: the steps of the grid do not give y of the result at t = %.6g", t[j]),
+                  "solve on more steps, with sources that do not jump inside steps");
+}
+
+// N e^{A t_j} x0.
+RowMatrix SpaceTimeDerivative::response_to(const Vector& x0) {
+  if (x0.isZero(0)) return RowMatrix::Zero(J_ + 1, n_);
+  if (const KroneckerDynamics* d = scene_.dynamics->modes()) {
+    const FaceModes face(d->face_extents());
+    const Index K = d->across.points;
+    const RowMatrix lines = d->across.modes().transpose() * Eigen::Map<const RowMatrix>(x0.data(), n_, K).transpose();
+    return face.of(ModalStart(*d, h_).response(face.of(lines), J_));
+  }
+  if (const DenseDynamics* d = scene_.dynamics->small_state()) {
+    const Matrix& decay = state_step(forward_->problem(), Rule::exponential)->decay;
+    RowMatrix seen(J_ + 1, n_);
+    Vector x = x0;
+    for (Index j = 0; j <= J_; ++j, x = (decay * x).eval()) seen.row(j) = (d->N * x).transpose();
+    return seen;
+  }
+  if (!start_) start_ = std::make_unique<Start>(scene_, backend_, J_, family_);
+  return start_->of(x0);
+}
+
+SolutionChange SpaceTimeDerivative::jvp(const DataChange& c) {
+  for (const auto& [name, matrix] : {std::pair("A", &c.A), {"B", &c.B}, {"N", &c.N}, {"E", &c.E}})
+    if (matrix->size() > 0) throw Error(name, "is no datum of this derivative", "ask for x0, f, g and M");
+  check_table("x0", c.x0, scene_.states(), 1);
+  check_table("f", c.f, J_ + 1, n_);
+  check_table("g", c.g, J_ + 1, n_);
+  check_table("M", c.M, n_, n_);
+  RowMatrix r = c.g.size() > 0 ? c.g : RowMatrix::Zero(J_ + 1, n_);
+  if (c.M.size() > 0) r.noalias() += y_ * c.M.transpose();
+  Vector terms = r.row(0).cwiseAbs().transpose();
+  if (c.x0.size() > 0) {
+    r += response_to(c.x0);
+    terms += scene_.dynamics->observed_terms(c.x0);
+  }
+  if (c.f.size() > 0) r += forward_->apply(c.f);
+  HeldSets::Found found = forward_->solve(r);
+  SolutionChange out{std::move(found.y), RowMatrix(), std::move(found.w), RowMatrix()};
+  if (!undecided_.empty()) terms += to_dense(scene_.M).cwiseAbs() * out.y.row(0).cwiseAbs().transpose();
+  check_change_at_start(undecided_, out.w.row(0).transpose(), terms);
+  out.integral = integral_of(out.y, h_);
+  return out;
+}
+
+HeldSets& SpaceTimeDerivative::backward() {
+  if (backward_) return *backward_;
+  Scene adjoint = scene_;
+  adjoint.M = transposed_M_;
+  backward_ = std::make_unique<HeldSets>(
+      adjoint, backend_, in_reversed_time(active_), forward_->method(), family_,
+      [this](const DiscreteProblem& p) { return make_transposed_operator(p, forward_->time_operator()); });
+  return *backward_;
+}
+
+DataChange SpaceTimeDerivative::vjp(const SolutionChange& of) {
+  check_table("y", of.y, J_ + 1, n_);
+  check_table("w", of.w, J_ + 1, n_);
+  check_table("integral", of.integral, J_ + 1, n_);
+  if (of.x.size() > 0) throw Error("x", "is not known here", "weigh y, w or integral");
+  RowMatrix eta = of.y.size() > 0 ? of.y : RowMatrix::Zero(J_ + 1, n_);
+  DataChange bar;
+  bar.g = of.w.size() > 0 ? of.w : RowMatrix::Zero(J_ + 1, n_);
+  if (of.integral.size() > 0) eta += integral_transposed(of.integral, h_);
+  if (of.w.size() > 0) add_products(transposed_M_, of.w, eta);
+  Vector first = eta.row(0).transpose(), mu(n_);
+  if (of.w.size() > 0) eta += backward_kernel_->apply(of.w);
+  // mu of rows 1 to J. That of row 0, whose y acts on all of them, follows.
+  bar.g -= in_reversed_time(backward().solve(-in_reversed_time(eta)).y);
+  bar.f = backward_kernel_->apply(bar.g);
+  first += bar.f.row(0).transpose();
+  check_gradient_at_start(undecided_, first, bar.f.row(0).norm() + first.norm());
+  at_zero_.solve_transposed(set_at_zero_, first, mu);
+  bar.g.row(0) -= mu.transpose();
+  bar.x0 = start_transposed(bar.g);
+  bar.M = transposed_product(bar.g, y_, backend_);
+  return bar;
+}
+
+// Σ_j e^{A^T t_j} N^T rho_j.
+Vector SpaceTimeDerivative::start_transposed(const RowMatrix& rho) const {
+  if (const KroneckerDynamics* d = scene_.dynamics->modes()) {
+    const FaceModes face(d->face_extents());
+    const RowMatrix modes = ModalStart(*d, h_).transposed(face.of(rho));
+    const RowMatrix x = face.of(modes).transpose() * d->across.modes().transpose();
+    return Eigen::Map<const Vector>(x.data(), x.size());
+  }
+  const DenseDynamics* d = scene_.dynamics->small_state();
+  if (!d) return {};
+  const Matrix decay = state_step(forward_->problem(), Rule::exponential)->decay.transpose(), N = d->N.transpose();
+  Vector q = Vector::Zero(scene_.states());
+  for (Index j = J_; j >= 0; --j) q = (decay * q + N * rho.row(j).transpose()).eval();
+  return q;
+}
+
+bool space_time_pays(const Backend& backend, const Scene& scene, const Result& result) {
+  const BackendTraits& traits = backend.traits();
+  return !traits.one_at_a_time && double(result.steps) * double(scene.constraints()) >= traits.fewest_values;
+}
+
+}  // namespace bromwich

@@ -1,0 +1,73 @@
+#pragma once
+// Derivatives of a discrete solution with a continuous y over all time points at once, on any backend: with respect to
+// x0, to sources that enter through B, to g and to M. With the active sets held (core/derivatives/held_sets.hpp) the
+// changes of a solution are
+//
+//     (M dy + K dy + dr)_S = 0,      dr = N e^{At} dx0 + K dphi + dg + dM y,      dw = M dy + K dy + dr,
+//
+// and a linear function Σ ȳ·dy + w̄·dw of them has the gradient
+//
+//     ((M + K)^T mu)_S = (ȳ + (M + K)^T w̄)_S,      rho = w̄ - mu,
+//     ḡ = rho,   M̄ = rho^T y,   φ̄ = K^T rho,   x̄0 = Σ_j e^{A^T t_j} N^T rho_j,
+//
+// where K^T runs backwards in time. Both are solved by the method of the solution: marched, swept or in cycles.
+
+#include "../seam/backend.hpp"
+#include "held_sets.hpp"
+#include "set_responses.hpp"
+#include "solution_derivative.hpp"
+
+#include <memory>
+#include <vector>
+
+namespace bromwich {
+
+class SpaceTimeDerivative {
+ public:
+  /// The result must be of this scene, on a grid of equal steps, by march, contour or multigrid; its method solves the
+  /// linear problems, too. The backend need not be the one that solved the scene, and has to outlive this object.
+  /// Throws Error as SolutionDerivative does, and for sources of the state that do not enter through B, free rows,
+  /// dense dynamics with a mass matrix, and sparse dynamics whose kernel is given by few poles.
+  SpaceTimeDerivative(const Scene&, const Result&, Backend&);
+  ~SpaceTimeDerivative();
+
+  Index steps() const { return J_; }
+  const DerivativeMargin& margin() const { return margin_; }
+  /// That solves the linear problems: march where another did not converge.
+  Method method() const { return forward_->method(); }
+
+  /// Members x0 (m), f ((J+1) x n, through B), g ((J+1) x n) and M (n x n); others throw Error. x of what is returned
+  /// is empty. Uses the plans and arrays of this object.
+  SolutionChange jvp(const DataChange&);
+  /// x of the function must be empty. The gradient has the members f through B, g and M, and x0 where A is dense or a
+  /// Kronecker sum.
+  DataChange vjp(const SolutionChange&);
+
+ private:
+  void follow(const Vector& t);
+  RowMatrix response_to(const Vector& x0);
+  Vector start_transposed(const RowMatrix& rho) const;
+  HeldSets& backward();
+
+  Scene scene_;
+  Backend& backend_;
+  GridFamily family_;
+  Index J_ = 0, n_ = 0;
+  double h_ = 0;
+  RowMatrix y_, w_, active_;
+  LcpMatrix transposed_M_;
+  std::unique_ptr<HeldSets> forward_, backward_;  ///< the second is made by the first vjp
+  std::unique_ptr<TransposedKernel> backward_kernel_;
+  struct Start;
+  std::unique_ptr<Start> start_;  ///< of dynamics known by shifted solves
+  SetResponses at_zero_;          ///< of M
+  Index set_at_zero_ = 0;
+  std::vector<Index> undecided_;  ///< undecided_at_start
+  DerivativeMargin margin_;
+};
+
+/// Whether the derivatives of this result take less time on this backend over all time points than step by step on the
+/// host, by what the backend says of its costs.
+bool space_time_pays(const Backend&, const Scene&, const Result&);
+
+}  // namespace bromwich
