@@ -142,10 +142,10 @@ void SpaceTimeDerivative::follow(const Vector& t) {
 RowMatrix SpaceTimeDerivative::response_to(const Vector& x0) {
   if (x0.isZero(0)) return RowMatrix::Zero(J_ + 1, n_);
   if (const KroneckerDynamics* d = scene_.dynamics->modes()) {
-    const FaceModes face(d->face_extents());
+    const FaceModes face(d->face_basis());
     const Index K = d->across.points;
     const RowMatrix lines = d->across.modes().transpose() * Eigen::Map<const RowMatrix>(x0.data(), n_, K).transpose();
-    return face.of(ModalStart(*d, h_).response(face.of(lines), J_));
+    return face.to_points(ModalStart(*d, h_).response(face.to_modes(lines), J_));
   }
   if (const DenseDynamics* d = scene_.dynamics->small_state()) {
     const Matrix& decay = state_step(forward_->problem(), Rule::exponential)->decay;
@@ -218,9 +218,9 @@ DataChange SpaceTimeDerivative::vjp(const SolutionChange& of) {
 // Σ_j e^{A^T t_j} N^T rho_j.
 Vector SpaceTimeDerivative::start_transposed(const RowMatrix& rho) const {
   if (const KroneckerDynamics* d = scene_.dynamics->modes()) {
-    const FaceModes face(d->face_extents());
-    const RowMatrix modes = ModalStart(*d, h_).transposed(face.of(rho));
-    const RowMatrix x = face.of(modes).transpose() * d->across.modes().transpose();
+    const FaceModes face(d->face_basis());
+    const RowMatrix modes = ModalStart(*d, h_).transposed(face.to_modes(rho));
+    const RowMatrix x = face.to_points(modes).transpose() * d->across.modes().transpose();
     return Eigen::Map<const Vector>(x.data(), x.size());
   }
   const DenseDynamics* d = scene_.dynamics->small_state();
