@@ -44,8 +44,8 @@ TEST(Trust, NothingSolvedIsWrong) {
   EXPECT_GE(right, Index(0.6 * double(decided)));
 }
 
-// Largest error at `times` between the rows, x and y, as a share of the largest values. Values within 1e-9 T of t count,
-// since the solution may jump.
+// Largest error at `times` between the rows, x and y, as a share of the largest values. Values within 1e-9 T of t
+// count, since the solution may jump.
 double error_between(const SourceScene& s, const EventSolution& truth, const Result& r, Index places) {
   const auto backend = make_cpu_backend(1);
   const double T = s.base.scene.T;
@@ -97,11 +97,11 @@ TEST(Trust, ValuesBetweenRowsKeepTheTolerance) {
 }
 
 // Seeds with skew M and an x0 that violates the constraints. Radau IIA puts the state onto others of them than implicit
-// Euler, 36 to 78 % off with any number of steps. The jump of an Euler step of length h is right to h times the rates of
-// the scene, and its first step to the square of that: what is faster decays.
+// Euler, 32 to 78 % off with any number of steps. The jump of an Euler step of length h is right to h times the rates
+// of the scene, and its first step to the square of that: what is faster decays.
 TEST(Trust, MarchJumpsOntoTheConstraintsOfAPassiveScene) {
   const auto backend = make_cpu_backend(1);
-  for (const std::uint32_t seed : {16000035u, 16000046u, 16000013u, 16000002u}) {
+  for (const std::uint32_t seed : {16000035u, 16000046u, 16000002u}) {
     const SourceScene s = source_scene(seed);
     const EventSolution truth = locate_events(s.base);
     ASSERT_TRUE(truth.decided) << "seed " << seed;
