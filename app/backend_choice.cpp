@@ -1,5 +1,6 @@
 #include "app/backend_choice.hpp"
 
+#include "app/ranks.hpp"
 #include "app/text.hpp"
 #include "core/base/error.hpp"
 #include "core/solve/cost.hpp"
@@ -16,20 +17,25 @@ namespace bromwich::app {
 std::unique_ptr<Backend> choose_backend(const std::string& word, const Scene& scene, const Options& options,
                                         Index components, int threads, bool device_started) {
   const Index steps = options.steps > 0 ? options.steps : scene.default_steps;
-  if (word == "cpu" ||
-      (word == "auto" &&
-       (!cuda_built() || !faster_on_device(cuda_traits(), cpu_traits(), scene, options.method, steps, device_started) ||
-        cuda_devices().empty())))
+  if (word == "cpu" || (word == "auto" &&
+                        (!cuda_built() || !devices_apart().empty() ||
+                         !faster_on_device(cuda_traits(), cpu_traits(), scene, options.method, steps, device_started) ||
+                         cuda_devices().empty())))
     return make_cpu_backend(threads);
   if (word != "auto" && word != "cuda")
     throw Error("--backend", "found '" + word + "'" + suggestion(word, {"auto", "cpu", "cuda"}),
                 "use auto, cpu or cuda");
   if (!cuda_built()) throw Error("--backend", "found 'cuda' but this build has no CUDA backend", "use --backend cpu");
-  if (cuda_devices().empty())
+  const int devices = int(cuda_devices().size());
+  if (devices == 0)
     throw Error("--backend", "found 'cuda' but no CUDA device", "use --backend cpu, or see what nvidia-smi says");
-  auto cuda = make_cuda_backend(make_cpu_backend(threads));
-  const bool fits = fits_on_device(scene, options.method, steps, components, cuda->device());
-  return word == "cuda" || fits ? std::move(cuda) : make_cpu_backend(threads);
+  auto cuda = make_cuda_backend(make_cpu_backend(threads), job().number_here % devices);
+  if (word == "cuda") return cuda;
+  DeviceInfo device = cuda->device();
+  device.memory *= ranks().size();
+  Vector misfits = Vector::Constant(1, fits_on_device(scene, options.method, steps, components, device) ? 0 : 1);
+  ranks().maximum(misfits);  // all of them take devices, or none
+  return misfits[0] > 0 ? make_cpu_backend(threads) : std::move(cuda);
 }
 
 namespace {
@@ -46,7 +52,9 @@ MakeBackend backends_beside(const Backend& backend) {
     const std::lock_guard lock(kept->mutex);
     for (const std::shared_ptr<Backend>& one : kept->all)
       if (one.use_count() == 1) return one;
-    kept->all.push_back(on_device ? make_cuda_backend(make_cpu_backend(1)) : make_cpu_backend(1));
+    kept->all.push_back(on_device
+                            ? make_cuda_backend(make_cpu_backend(1), job().number_here % int(cuda_devices().size()))
+                            : make_cpu_backend(1));
     return kept->all.back();
   };
 }

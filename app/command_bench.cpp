@@ -46,7 +46,7 @@ constexpr auto benchmarks = std::to_array<Benchmark>({
      bench_nonlinear},
     {"paper", "the experiments of the paper on Laplace inversion, compared with its numbers", bench_paper},
     {"scale", "time points of a Kronecker scene divided among the ranks of mpirun, and a model for more of them",
-     bench_scale},
+     bench_scale, true},
     {"scenes", "all scene files of a folder: class, spectrum, method, error and time", bench_scenes},
     {"signorini3d", "contact on a face: cycles, marching and implicit Euler, times and work", bench_signorini3d, true},
     {"solver", "a prepared scene solved again with another x0, compared with whole solves", bench_solver},

@@ -1,4 +1,4 @@
-// `bromwich bench` where the studies are not built: a Python package that is compiled on installation.
+// `bromwich bench` where the studies are not built: preset `first`, and the Python package that pip compiles.
 
 #include "app/commands.hpp"
 #include "core/base/error.hpp"
@@ -11,7 +11,7 @@ std::string bench_list() {
 
 int run_bench(const BenchArguments&) {
   throw Error("command", "found 'bench', whose studies are not in this build",
-              "use the command of the source, which 'scripts/build' makes");
+              "'scripts/build' in the source makes build/cpu/bromwich, which has them");
 }
 
 }  // namespace bromwich::app

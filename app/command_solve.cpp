@@ -322,8 +322,7 @@ int run_solve(const SolveArguments& arguments) {
   files.columns = columns;
   std::optional<PartsOptions> parts = parts_options(arguments, choice, options);
 
-  const auto backend =
-      over_ranks(choose_backend(arguments.backend, choice.scene, options, recorded, threads), arguments.backend);
+  const auto backend = over_ranks(choose_backend(arguments.backend, choice.scene, options, recorded, threads));
   ProgressLine progress(options.iteration_tolerance);
   std::vector<std::string> decisions;
   listen(arguments, progress, decisions, options);

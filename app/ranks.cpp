@@ -21,7 +21,8 @@ namespace {
 
 Job& joined() {
   static OneRank alone;
-  static Job job{&alone, {}, {}, 1};
+  static Job job;
+  if (!job.communicator) job.communicator = &alone;
   return job;
 }
 
@@ -77,13 +78,16 @@ int threads_of_rank(int asked) {
   return int(-fewest[0]);
 }
 
-std::unique_ptr<Backend> over_ranks(std::unique_ptr<Backend> backend, const std::string& word) {
+std::unique_ptr<Backend> over_ranks(std::unique_ptr<Backend> backend) {
   if (ranks().size() == 1) return backend;
-  if (backend->name() != "cpu")
-    throw Error("--backend", fmt::format("found '{}' on {} ranks", word, ranks().size()),
-                "use --backend cpu: devices do not share the time points of a scene yet");
-  return make_slab_backend(std::move(backend), ranks());
+  if (backend->name() != "cuda") return make_slab_backend(std::move(backend), ranks());
+  const std::string apart = devices_apart();
+  if (!apart.empty()) throw Error("--backend", "found 'cuda' on several ranks, and " + apart, "use --backend cpu");
+  auto devices = job().between_devices(dynamic_cast<const SharedMemory&>(*backend).place());
+  return make_slab_backend(std::move(backend), std::move(devices));
 }
+
+std::string devices_apart() { return ranks().size() > 1 ? job().devices_apart() : ""; }
 
 std::string& held_complaint() {
   static std::string message;

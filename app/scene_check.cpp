@@ -209,7 +209,7 @@ SceneCheck check_scene(const SceneChoice& choice, Backend& backend, const Option
   else
     look_at_methods(scene, backend, options, check);
   std::optional<Spectrum> known;
-  if (check.spectrum != "not computed") known = spectrum(scene.dynamics);
+  if (check.spectrum != "not computed" && !scene.dynamics->has_singular_mass()) known = spectrum(scene.dynamics);
   add_warnings(choice, known, check);
   return check;
 }

@@ -20,6 +20,7 @@ std::string matrix_class(const Scene& scene) {
 }
 
 std::string spectrum_text(const Scene& scene) {
+  if (scene.dynamics->has_mass() && scene.dynamics->has_singular_mass()) return "none: E is singular";
   const bool small = !scene.dynamics->small_state() || scene.states() <= most_states;
   return small ? spectrum(scene.dynamics).describe() : "not computed";
 }

@@ -13,4 +13,6 @@ add_library(
 target_link_libraries(bromwich_oracle PUBLIC bromwich::core PRIVATE bromwich::cpu bromwich_build_options)
 # Its templates are large and its problems small: the time goes into compiling it.
 target_compile_options(bromwich_oracle PRIVATE "$<$<CONFIG:Release>:-O1>")
-target_precompile_headers(bromwich_oracle PRIVATE ${PROJECT_SOURCE_DIR}/core/base/eigen_instances.hpp)
+find_package(fmt REQUIRED CONFIG) # the header was compiled with its definitions
+target_compile_definitions(bromwich_oracle PRIVATE $<TARGET_PROPERTY:fmt::fmt,INTERFACE_COMPILE_DEFINITIONS>)
+target_precompile_headers(bromwich_oracle REUSE_FROM bromwich_words)

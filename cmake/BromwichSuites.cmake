@@ -9,11 +9,13 @@ if(CMAKE_SCRIPT_MODE_FILE)
   string(REGEX MATCHALL "[^\n]+" listed "${listed}")
   set(suites "")
   foreach(line IN LISTS listed)
-    if(line MATCHES "^([^ ]+)\\.$")
+    if(line MATCHES "^  ([^ ]+)")
+      list(APPEND tests_of_${suite} "${suite}.${CMAKE_MATCH_1}")
+    elseif(line MATCHES "^([^ ]+)\\. *$") # blanks before the type of a typed suite
       set(suite ${CMAKE_MATCH_1})
       list(APPEND suites ${suite})
-    elseif(line MATCHES "^  ([^ ]+)")
-      list(APPEND tests_of_${suite} "${suite}.${CMAKE_MATCH_1}")
+    elseif(NOT line MATCHES "^Running main")
+      message(FATAL_ERROR "${PROGRAM} --gtest_list_tests: neither a suite nor a test: '${line}'")
     endif()
   endforeach()
   if(NOT suites)
@@ -24,6 +26,7 @@ if(CMAKE_SCRIPT_MODE_FILE)
   set(all_skipped "PASSED  . 0 tests.${newline}(.  SKIPPED [^${newline}]*${newline})+$")
   set(lines "")
   foreach(suite IN LISTS suites)
+    list(LENGTH tests_of_${suite} count) # the longest begin first, as far as this tells
     set(tests ${suite}.*)
     if(NOT FILTER STREQUAL "*")
       list(JOIN tests_of_${suite} ":" tests)
@@ -32,7 +35,7 @@ if(CMAKE_SCRIPT_MODE_FILE)
       APPEND
       lines
       "add_test([=[${PREFIX}${suite}]=] [=[${PROGRAM}]=] [=[--gtest_filter=${tests}]=])\n"
-      "set_tests_properties([=[${PREFIX}${suite}]=] PROPERTIES ENVIRONMENT [=[${ENVIRONMENT}]=] TIMEOUT 300"
+      "set_tests_properties([=[${PREFIX}${suite}]=] PROPERTIES ENVIRONMENT [=[${ENVIRONMENT}]=] TIMEOUT 1500 COST ${count}"
       " SKIP_REGULAR_EXPRESSION [=[${all_skipped}]=])\n")
   endforeach()
   file(WRITE ${OUTPUT} "${lines}")

@@ -47,8 +47,8 @@ class CpuBackend final : public Backend, public SharedMemory {
       cpu::restrict_stages(cpu::host(r), cpu::host(v), cpu::host(y), cpu::host(coarse_v), cpu::host(coarse_r),
                            cpu::host(coarse_y), cpu::host(old), threads_);
     };
-    fused_.face_transform = [this](const std::vector<Index>& extents, Index rows) {
-      return cpu::make_face_transform(extents, rows, threads_);
+    fused_.face_transform = [this](const FaceBasis& basis, Index rows, Way way) {
+      return cpu::make_face_transform(basis, rows, way, threads_);
     };
     fused_.projected_sweeps = [this](const ProjectedSweeps& sweeps, Index rows) {
       return cpu::make_projected_sweeps(sweeps, rows, threads_);
@@ -86,7 +86,7 @@ class CpuBackend final : public Backend, public SharedMemory {
     return cpu::make_differences(slots, threads_);
   }
 
-  std::unique_ptr<SineTransform> sine_transform(Index n, Index rows) override {
+  std::unique_ptr<RowTransform> sine_transform(Index n, Index rows) override {
     return cpu::make_sine_transform(n, rows, threads_);
   }
   std::unique_ptr<Convolution> convolution(WeightsRef weights, Index rows) override {

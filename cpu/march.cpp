@@ -36,7 +36,8 @@ class ModalMarch final : public ImmediateMarch {
         blocks_(blocks(n_)),
         K_(r.exponentials()),
         response_(host(*problem.r)),
-        sine_(make_face_sine(r.extents())),
+        to_modes_(make_vector_transform(r.basis(), Way::to_modes)),
+        to_points_(r.basis().is_sine() ? to_modes_ : make_vector_transform(r.basis(), Way::to_points)),
         M_(*problem.M),
         threads_(blocks_ * K_ * lanes >= parallel_size ? threads : 1) {
     decay_.resize(std::size_t(blocks_ * K_));
@@ -49,7 +50,9 @@ class ModalMarch final : public ImmediateMarch {
         output_[at][l % lanes] = r.output(k, l);
       }
     if (r.face.size() > 1 && !selects_least(problem.lcp_class))
-      face_ = host::FaceLcp::make(M_, r.face, r.w0, [this](const double* in, double* out) { sine_->apply(in, out); });
+      face_ = host::FaceLcp::make(M_, r.face, r.w0, [this](Way way, const double* in, double* out) {
+        (way == Way::to_modes ? *to_modes_ : *to_points_).apply(in, out);
+      });
     if (!face_) lcp_.emplace(to_dense(M_) + implicit_part(r), to_dense(M_), problem.lcp_class);
     for (RowMatrix* m : {&near_, &u_, &far_}) *m = RowMatrix::Zero(block_steps, blocks_ * lanes);
     make_near_lags();
@@ -59,8 +62,10 @@ class ModalMarch final : public ImmediateMarch {
     given_drive_ = problem.drive;
     if (!given_drive_) return;
     drive_ = std::make_unique<HostArray>(rows, n_);
-    transform_of_drive_ =
-        r.face.size() > 1 ? make_face_transform(r.face, rows, threads) : make_sine_transform(n_, rows, threads);
+    const FaceBasis basis = r.basis();
+    transform_of_drive_ = basis.size() == 1 && basis.is_sine()
+                              ? make_sine_transform(n_, rows, threads)
+                              : make_face_transform(basis, rows, Way::to_modes, threads);
   }
 
   MarchReport run(Array& y_array, Array& v_array) override {
@@ -80,14 +85,14 @@ class ModalMarch final : public ImmediateMarch {
       if (i == 0) begin_block(j);
       sum_near(i);
       if (drive_) free_.head(n_) += r_.w0.cwiseProduct(drive_->values.row(j).transpose());
-      sine_->apply(free_.data(), known_.data());
+      to_points_->apply(free_.data(), known_.data());
       q_ = response_.row(j).transpose() + known_.head(n_);
       if (!solve_step(j, report)) {
         invalidate(Y, V, j);
         return report;
       }
       Y.row(j) = y_.transpose();
-      sine_->apply(y_.data(), u_.row(i).data());
+      to_modes_->apply(y_.data(), u_.row(i).data());
       add_implicit(i);
       V.row(j) = known_.head(n_).transpose();
       if (drive_) u_.row(i).head(n_) += drive_->values.row(j);
@@ -126,7 +131,7 @@ class ModalMarch final : public ImmediateMarch {
     face_ ? face_->start_from(y_) : lcp_->start_from(y_);
     u_.setZero();
     Vector u = Vector::Zero(n_);
-    sine_->apply(y_.data(), u.data());
+    to_modes_->apply(y_.data(), u.data());
     if (drive_) u += drive_->values.row(0).transpose();
     for (std::size_t i = 0; i < z_.size(); ++i) z_[i] = all(0);
     for (Index l = 0; l < n_; ++l)
@@ -210,7 +215,7 @@ class ModalMarch final : public ImmediateMarch {
       return;
     }
     free_ += w0_.cwiseProduct(u_.row(i).transpose());
-    sine_->apply(free_.data(), known_.data());
+    to_points_->apply(free_.data(), known_.data());
   }
 
   const ModalRecurrence& r_;
@@ -219,8 +224,8 @@ class ModalMarch final : public ImmediateMarch {
   const RowMatrix& response_;
   std::unique_ptr<HostArray> drive_;  ///< phi in modes
   const Array* given_drive_ = nullptr;
-  std::unique_ptr<SineTransform> transform_of_drive_;
-  std::unique_ptr<VectorSine> sine_;
+  std::unique_ptr<RowTransform> transform_of_drive_;
+  std::shared_ptr<VectorTransform> to_modes_, to_points_;  ///< one for sine modes
   const LcpMatrix& M_;
   std::unique_ptr<host::FaceLcp> face_;  ///< of a face; else all in dense matrices
   std::optional<StepLcp> lcp_;

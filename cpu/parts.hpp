@@ -39,19 +39,20 @@ inline void multiply(const Tridiagonal& M, const double* y, double* product) {
   for (Index i = 0; i + 1 < n; ++i) product[i] += upper[i] * y[i + 1];
 }
 
-/// The orthonormal sine transform of single vectors, for marching.
-class VectorSine {
+/// An orthonormal transform of single vectors, for marching.
+class VectorTransform {
  public:
-  virtual ~VectorSine() = default;
-  virtual void apply(const double* in, double* out) = 0;    ///< `in` is not changed; no aliasing
-  virtual std::unique_ptr<VectorSine> another() const = 0;  ///< a copy for another thread
+  virtual ~VectorTransform() = default;
+  virtual void apply(const double* in, double* out) = 0;         ///< `in` is not changed; no aliasing
+  virtual std::unique_ptr<VectorTransform> another() const = 0;  ///< a copy for another thread
 };
-std::unique_ptr<VectorSine> make_vector_sine(Index n);
-/// The same for vectors that are indexed by several directions, the fastest last.
-std::unique_ptr<VectorSine> make_face_sine(const std::vector<Index>& extents);
-std::unique_ptr<SineTransform> make_face_transform(const std::vector<Index>& extents, Index rows, int threads);
+std::unique_ptr<VectorTransform> make_vector_sine(Index n);
+/// Between values at the points of a face and the coefficients of its modes.
+std::unique_ptr<VectorTransform> make_vector_transform(const FaceBasis&, Way);
+/// The same for rows. A side with sine modes takes `make_sine_transform`.
+std::unique_ptr<RowTransform> make_face_transform(const FaceBasis&, Index rows, Way, int threads);
 
-std::unique_ptr<SineTransform> make_sine_transform(Index n, Index rows, int threads);
+std::unique_ptr<RowTransform> make_sine_transform(Index n, Index rows, int threads);
 std::unique_ptr<Convolution> make_convolution(const ModalRecurrence&, Index rows, int threads);
 std::unique_ptr<Convolution> make_convolution(const DenseRecurrence&, Index rows, int threads);
 std::unique_ptr<Convolution> make_convolution(const LagTable&, Index rows, int threads);

@@ -7,6 +7,7 @@
 #include "cpu/parts.hpp"
 
 #include "cpu/failure.hpp"
+#include "cpu/folded_sine.hpp"
 #include "cpu/real_fft.hpp"
 
 #include <omp.h>
@@ -22,34 +23,7 @@ namespace {
 constexpr Index largest_product = 1100;  ///< above it, rows are transformed by an FFT
 constexpr Index row_block = 32;          ///< rows folded and multiplied together: their halves stay in L2
 
-// The even half holds the odd wave numbers 1, 3, ...; the odd half holds the even ones.
-struct FoldedSine {
-  explicit FoldedSine(Index n) : n(n), even((n + 1) / 2), odd(n / 2), E(even, even), O(odd, odd) {
-    // One period of the sine as a table; i k is reduced exactly.
-    Vector period(2 * (n + 1));
-    for (Index a = 0; a < period.size(); ++a)
-      period[a] = std::sqrt(2.0 / double(n + 1)) * std::sin(M_PI * double(a) / double(n + 1));
-    const auto s = [&](Index i, Index k) { return period[i * k % period.size()]; };
-    for (Index i = 0; i < even; ++i)
-      for (Index q = 0; q < even; ++q) E(i, q) = s(i + 1, 2 * q + 1);
-    for (Index i = 0; i < odd; ++i)
-      for (Index q = 0; q < odd; ++q) O(i, q) = s(i + 1, 2 * q + 2);
-  }
-
-  void fold(const double* in, double* e, double* o) const {
-    for (Index i = 0; i < odd; ++i) {
-      const double a = in[i], b = in[n - 1 - i];
-      e[i] = a + b;
-      o[i] = a - b;
-    }
-    if (even > odd) e[odd] = in[odd];
-  }
-
-  Index n, even, odd;
-  RowMatrix E, O;
-};
-
-class ProductSine final : public SineTransform {
+class ProductSine final : public RowTransform {
   static constexpr Index parallel_size = 1 << 18;  ///< multiplications: ten microseconds
 
  public:
@@ -115,11 +89,11 @@ class ProductSine final : public SineTransform {
   std::vector<Scratch> scratch_;
 };
 
-class FastVectorSine final : public VectorSine {
+class FastVectorSine final : public VectorTransform {
  public:
   explicit FastVectorSine(Index n) : n_(n), scale_(1 / std::sqrt(2.0 * double(n + 1))), sine_(n) {}
 
-  std::unique_ptr<VectorSine> another() const override { return std::make_unique<FastVectorSine>(*this); }
+  std::unique_ptr<VectorTransform> another() const override { return std::make_unique<FastVectorSine>(*this); }
   void apply(const double* in, double* out) override {
     sine_.apply(in, out);
     for (Index i = 0; i < n_; ++i) out[i] *= scale_;
@@ -136,7 +110,7 @@ class FastVectorSine final : public VectorSine {
 /// Sine transform by a real FFT of length N = n + 1, N even. With y_j = sin(pi j/N) (x_j + x_{N-j}) + (x_j - x_{N-j}) /
 /// 2 and its discrete Fourier transform Y, the sine sums are F_{2k} = -Im Y_k, F_{2k+1} = F_{2k-1} + Re Y_k, F_1 = Y_0
 /// / 2. Half the work of SineFft, which pads to 2N. The running sum loses sqrt(N) eps in the odd half.
-class HalvedVectorSine final : public VectorSine {
+class HalvedVectorSine final : public VectorTransform {
  public:
   /// True if N is even and has small factors.
   static bool suits(Index n) { return n % 2 == 1 && fast_fft_length(n + 1) == n + 1; }
@@ -151,7 +125,7 @@ class HalvedVectorSine final : public VectorSine {
     for (Index j = 0; j < n; ++j) sine_[j] = scale_ * std::sin(M_PI * double(j + 1) / double(n + 1));
   }
 
-  std::unique_ptr<VectorSine> another() const override { return std::make_unique<HalvedVectorSine>(*this); }
+  std::unique_ptr<VectorTransform> another() const override { return std::make_unique<HalvedVectorSine>(*this); }
   void apply(const double* in, double* out) override {
     const double half = 0.5 * scale_;
     double* y = y_.data() + 1;
@@ -173,7 +147,7 @@ class HalvedVectorSine final : public VectorSine {
   RealFft fft_;
 };
 
-class FastSine final : public SineTransform {
+class FastSine final : public RowTransform {
   static constexpr Index parallel_size = 1 << 12;  ///< values: ten microseconds
 
  public:
@@ -192,7 +166,7 @@ class FastSine final : public SineTransform {
     for (Index j = first; j < rows; ++j) {
       const FlushDenormals flush;
       const int thread = omp_get_thread_num();
-      VectorSine& row = *rows_[std::size_t(thread)];
+      VectorTransform& row = *rows_[std::size_t(thread)];
       if (!a) {
         row.apply(x.row(j).data(), y.row(j).data());
         continue;
@@ -207,15 +181,15 @@ class FastSine final : public SineTransform {
 
  private:
   Index n_;
-  std::vector<std::unique_ptr<VectorSine>> rows_;
+  std::vector<std::unique_ptr<VectorTransform>> rows_;
   RowMatrix scratch_;
 };
 
-class ProductVectorSine final : public VectorSine {
+class ProductVectorSine final : public VectorTransform {
  public:
   explicit ProductVectorSine(Index n) : sine_(n), e_(sine_.even), o_(sine_.odd), even_(sine_.even), odd_(sine_.odd) {}
 
-  std::unique_ptr<VectorSine> another() const override { return std::make_unique<ProductVectorSine>(*this); }
+  std::unique_ptr<VectorTransform> another() const override { return std::make_unique<ProductVectorSine>(*this); }
   void apply(const double* in, double* out) override {
     sine_.fold(in, e_.data(), o_.data());
     even_.noalias() = sine_.E.transpose() * e_;
@@ -232,143 +206,19 @@ class ProductVectorSine final : public VectorSine {
   Vector e_, o_, even_, odd_;
 };
 
-/// Products with the folded sine matrices, direction after direction: 2 Σ n_d multiplications a point.
-class FaceSine final : public VectorSine {
- public:
-  explicit FaceSine(const std::vector<Index>& extents) : points_(1) {
-    for (const Index n : extents) points_ *= n;
-    Index inner = points_;
-    for (const Index n : extents) {
-      inner /= n;
-      directions_.push_back({FoldedSine(n), points_ / (n * inner), inner});
-    }
-    for (Vector* buffer : {&folded_, &product_}) buffer->resize(points_);
-  }
-
-  std::unique_ptr<VectorSine> another() const override { return std::make_unique<FaceSine>(*this); }
-
-  void apply(const double* in, double* out) override {
-    for (const Direction& d : directions_) {
-      for (Index o = 0; o < (d.inner > 1 ? d.outer : 0); ++o)
-        columns(d, in + o * d.sine.n * d.inner, out + o * d.sine.n * d.inner);
-      if (d.inner == 1) rows(d, in, out);
-      in = out;
-    }
-  }
-
-  std::size_t bytes() const {
-    std::size_t values = std::size_t(2 * points_);
-    for (const Direction& d : directions_) values += std::size_t(d.sine.E.size() + d.sine.O.size());
-    return values * sizeof(double);
-  }
-
- private:
-  struct Direction {
-    FoldedSine sine;
-    Index outer, inner;  ///< points of the slower and of the faster directions
-  };
-  using Rows = Eigen::Map<RowMatrix>;
-
-  // out = S in for n x inner values; `out` may be `in`.
-  void columns(const Direction& d, const double* in, double* out) {
-    const FoldedSine& s = d.sine;
-    const Eigen::Map<const RowMatrix> x(in, s.n, d.inner);
-    Rows e(folded_.data(), s.even, d.inner), o(folded_.data() + s.even * d.inner, s.odd, d.inner);
-    for (Index i = 0; i < s.odd; ++i) {
-      e.row(i) = x.row(i) + x.row(s.n - 1 - i);
-      o.row(i) = x.row(i) - x.row(s.n - 1 - i);
-    }
-    if (s.even > s.odd) e.row(s.odd) = x.row(s.odd);
-    Rows even(product_.data(), s.even, d.inner), odd(product_.data() + s.even * d.inner, s.odd, d.inner);
-    even.noalias() = s.E.transpose() * e;
-    if (s.odd > 0) odd.noalias() = s.O.transpose() * o;
-    Rows y(out, s.n, d.inner);
-    for (Index q = 0; q < s.even; ++q) y.row(2 * q) = even.row(q);
-    for (Index q = 0; q < s.odd; ++q) y.row(2 * q + 1) = odd.row(q);
-  }
-
-  // The same for the fastest direction: in is outer x n, out = in S.
-  void rows(const Direction& d, const double* in, double* out) {
-    const FoldedSine& s = d.sine;
-    Rows e(folded_.data(), d.outer, s.even), o(folded_.data() + d.outer * s.even, d.outer, s.odd);
-    for (Index j = 0; j < d.outer; ++j) s.fold(in + j * s.n, e.row(j).data(), o.data() + j * s.odd);
-    Rows even(product_.data(), d.outer, s.even), odd(product_.data() + d.outer * s.even, d.outer, s.odd);
-    even.noalias() = e * s.E;
-    if (s.odd > 0) odd.noalias() = o * s.O;
-    for (Index j = 0; j < d.outer; ++j) {
-      double* to = out + j * s.n;
-      for (Index q = 0; q < s.even; ++q) to[2 * q] = even(j, q);
-      for (Index q = 0; q < s.odd; ++q) to[2 * q + 1] = odd(j, q);
-    }
-  }
-
-  Index points_;
-  std::vector<Direction> directions_;
-  Vector folded_, product_;
-};
-
-class FaceTransform final : public SineTransform {
-  static constexpr Index parallel_size = 1 << 12;
-
- public:
-  FaceTransform(const std::vector<Index>& extents, Index rows, int threads) {
-    Index points = rows;
-    for (const Index n : extents) points *= n;
-    const int used = points > parallel_size ? threads : 1;
-    sines_.emplace_back(extents);
-    for (int t = 1; t < used; ++t) sines_.push_back(sines_[0]);
-    sums_.resize(used, points / std::max<Index>(rows, 1));
-  }
-
-  void apply(const Array& in, const Array* add, Array& out, Index first) override {
-    const RowMatrix& x = host(in);
-    const RowMatrix* a = add ? &host(*add) : nullptr;
-    RowMatrix& y = host(out);
-    Failure failure;
-#pragma omp parallel for num_threads(int(sines_.size())) schedule(static) if (sines_.size() > 1)
-    for (Index j = first; j < x.rows(); ++j) try {
-        const FlushDenormals flush;
-        const int thread = omp_get_thread_num();
-        auto row = sums_.row(thread);
-        sines_[std::size_t(thread)].apply(x.row(j).data(), a ? row.data() : y.row(j).data());
-        if (a) y.row(j) = a->row(j) + row;
-      } catch (...) {
-        failure.keep();
-      }
-    failure.rethrow();
-  }
-
-  std::size_t bytes() const override {
-    return sines_.size() * sines_[0].bytes() + sizeof(double) * std::size_t(sums_.size());
-  }
-
- private:
-  std::vector<FaceSine> sines_;
-  RowMatrix sums_;
-};
-
 }  // namespace
 
-std::unique_ptr<VectorSine> make_vector_sine(Index n) {
+std::unique_ptr<VectorTransform> make_vector_sine(Index n) {
   // A single row makes the product a matrix-vector product, bound by loads: fast transforms win at much smaller n.
   if (n <= 128) return std::make_unique<ProductVectorSine>(n);
   if (HalvedVectorSine::suits(n)) return std::make_unique<HalvedVectorSine>(n);
   return std::make_unique<FastVectorSine>(n);
 }
 
-std::unique_ptr<SineTransform> make_sine_transform(Index n, Index rows, int threads) {
+std::unique_ptr<RowTransform> make_sine_transform(Index n, Index rows, int threads) {
   if (n <= 128 || (n <= largest_product && !HalvedVectorSine::suits(n)))
     return std::make_unique<ProductSine>(n, threads);
   return std::make_unique<FastSine>(n, rows, threads);
-}
-
-std::unique_ptr<VectorSine> make_face_sine(const std::vector<Index>& extents) {
-  if (extents.size() == 1) return make_vector_sine(extents[0]);
-  return std::make_unique<FaceSine>(extents);
-}
-
-std::unique_ptr<SineTransform> make_face_transform(const std::vector<Index>& extents, Index rows, int threads) {
-  return std::make_unique<FaceTransform>(extents, rows, threads);
 }
 
 }  // namespace bromwich::cpu

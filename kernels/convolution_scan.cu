@@ -9,7 +9,6 @@
 // Where there are enough modes to fill a device, a warp walks through all chunks instead (convolution_walk.cu): y is
 // read once.
 
-#include "core/kernel/shells.hpp"
 #include "kernels/convolution_scan.cuh"
 #include "kernels/entry_powers.hpp"
 #include "kernels/launch.cuh"
@@ -20,6 +19,7 @@
 #include <algorithm>
 #include <cmath>
 #include <optional>
+#include <utility>
 
 namespace bromwich::cuda {
 
@@ -79,7 +79,7 @@ __global__ void __launch_bounds__(lanes* segments)
             k = int(blockIdx.y);
   const long at = long(k) * m.stride + l, step = long(m.exponentials) * m.stride;
   const int length = (span.chunks - span.from + segments - 1) / segments, first = span.from + segment * length;
-  const double power = __ldg(m.power + at), start = __ldg(m.start + at), initial = __ldg(m.initial + at);
+  const double power = __ldg(m.power + at), start = __ldg(m.start + at);
   await_previous();
   if (k >= m.count()) return;
   double z = 0, over = 1, of_chunk[of_segment];
@@ -90,7 +90,7 @@ __global__ void __launch_bounds__(lanes* segments)
   for (int i = 0; i < of_segment; ++i)
     if (i < length) z = power * z + of_chunk[i], over *= power;
   ends[segment][lane] = z;
-  z = span.from > 0 ? states[span.from * step + at] : start * y[min(l, m.modes - 1)] + initial;
+  z = span.from > 0 ? states[span.from * step + at] : start * y[min(l, m.modes - 1)] + m.initial[at];
   if (span.from == 0 && segment == 0) states[at] = z;
   __syncthreads();
   for (int s = 0; s < segment; ++s) z = over * z + ends[s][lane];
@@ -109,9 +109,9 @@ __global__ void __launch_bounds__(lanes* segments)
   const int l = int(blockIdx.x) * lanes + int(threadIdx.x), k = int(blockIdx.y * segments + threadIdx.y);
   if (k >= m.count()) return;  // rows from there on are not read
   const long at = long(k) * m.stride + l, step = long(m.exponentials) * m.stride;
-  const double power = __ldg(m.power + at), start = __ldg(m.start + at), initial = m.initial[at];
+  const double power = __ldg(m.power + at), start = __ldg(m.start + at);
   await_previous();
-  double z = span.from > 0 ? states[span.from * step + at] : start * y[min(l, m.modes - 1)] + initial;
+  double z = span.from > 0 ? states[span.from * step + at] : start * y[min(l, m.modes - 1)] + m.initial[at];
   if (span.from == 0) states[at] = z;
   for (int c = span.from; c + 1 < span.chunks; ++c) {
     z = power * z + added[c * step + at];
@@ -232,7 +232,7 @@ __global__ void set_initial(const double* D, int step, int modes, int stride, co
 
 Index rounded_up(Index n, Index to) { return (n + to - 1) / to * to; }
 
-class ModalScan final : public Convolution {
+class ModalScan final : public Scan {
  public:
   /// `counts`: exponentials of each group of modes, the others being zero; empty: all.
   ModalScan(const Device& device, const ModalRecurrence& r, Index modes, Index rows, const std::vector<int>& counts)
@@ -245,7 +245,7 @@ class ModalScan final : public Convolution {
         length_(chunk_length(rows)),
         chunks_(std::max<Index>(1, (rows - 1 + length_ - 1) / length_)),
         rows_(rows),
-        tables_(on_device(device, tables(r))),
+        tables_(on_device(device, all_tables(r))),
         counts_(device, counts.size()),
         states_(device, std::size_t(chunks_ * K_ * stride_)),
         added_(device, Walk::suits(device, n_, K_) ? 0 : std::size_t(chunks_ * K_ * stride_)) {
@@ -262,29 +262,12 @@ class ModalScan final : public Convolution {
     if (rows_ < 2)
       check(cudaMemsetAsync(values(v), 0, sizeof(double) * std::size_t(n_), device_.stream()), "clearing a row");
     if (rows_ < 2 || from >= chunks_) return;
-    const auto table = [this](Index i) { return tables_.data() + i * K_ * stride_; };
-    const double* const w0 = table(5);
-    const Tables m{table(0),
-                   table(1),
-                   table(2),
-                   table(3),
-                   table(4),
-                   w0,
-                   w0 + stride_,
-                   w0 + 2 * stride_,
-                   int(K_),
-                   int(n_),
-                   int(stride_),
-                   counts_.size() > 0 ? counts_.data() : nullptr,
-                   int(stride(total_))};
+    const Tables m = tables();
     const Span span{int(from), int(chunks_), int(length_), int(rows_)};
     if (walk_) return walk_->run(m, span, values(y), states_.data(), values(v));
-    const unsigned across = unsigned(stride_ / lanes), along = unsigned(chunks_ - from);
-    const unsigned groups = unsigned(std::min<Index>(K_ / group, most_groups)),
+    const unsigned across = unsigned(stride_ / lanes), along = unsigned(chunks_ - from),
                    slabs = unsigned(rounded_up(K_, slab_size) / slab_size);
-    if (along > 1)
-      follow(device_, accumulate, {dim3(across, along - 1, slabs), dim3(lanes, groups)}, starting, m, span, values(y),
-             added_.data());
+    if (!std::exchange(accumulated_, false)) add_up(m, span, y);
     const unsigned together_k = unsigned(rounded_up(K_, segments) / segments);
     if (along <= few_carried)
       follow(device_, carry_few, {dim3(across, together_k), dim3(lanes, segments)}, starting, m, span, values(y),
@@ -296,7 +279,6 @@ class ModalScan final : public Convolution {
       shared_ ? start<warps_together>(m, span, slab, y, v) : start<1>(m, span, slab, y, v);
   }
 
-  // Kernels read the table before they await their predecessor, so this change must not overlap with any kernel.
   void take_start(const Array& D) {
     const dim3 blocks(unsigned((n_ + starters - 1) / starters), unsigned(D.rows()));
     set_initial<<<blocks, starters, 0, device_.stream()>>>(values(D), int(stride(n_)), int(n_), int(stride_),
@@ -305,6 +287,33 @@ class ModalScan final : public Convolution {
     check(cudaGetLastError(), starting);
     device_.note_work();
   }
+
+  std::optional<Chunks> add_up_chunks(const Array& y) override {
+    if (walk_ || chunks_ > few_carried || rows_ < 2) return std::nullopt;
+    const Span span{0, int(chunks_), int(length_), int(rows_)};
+    add_up(tables(), span, y);
+    accumulated_ = true;
+    return Chunks{span, added_.data()};
+  }
+
+  Tables tables() const override {
+    const auto table = [this](Index i) { return tables_.data() + i * K_ * stride_; };
+    const double* const w0 = table(5);
+    return {table(0),
+            table(1),
+            table(2),
+            table(3),
+            table(4),
+            w0,
+            w0 + stride_,
+            w0 + 2 * stride_,
+            int(K_),
+            int(n_),
+            int(stride_),
+            counts_.size() > 0 ? counts_.data() : nullptr,
+            int(stride(total_))};
+  }
+  double* initial() override { return tables_.data() + 4 * K_ * stride_; }
 
   std::size_t bytes() const override {
     return tables_.bytes() + states_.bytes() + added_.bytes() + (walk_ ? walk_->bytes() : 0);
@@ -318,6 +327,15 @@ class ModalScan final : public Convolution {
           "reserving shared memory");
   }
 
+  // What chunks with a successor add.
+  void add_up(const Tables& m, const Span& span, const Array& y) {
+    const unsigned along = unsigned(span.chunks - span.from), slabs = unsigned(rounded_up(K_, slab_size) / slab_size),
+                   groups = unsigned(std::min<Index>(K_ / group, most_groups));
+    if (along > 1)
+      follow(device_, accumulate, {dim3(unsigned(stride_ / lanes), along - 1, slabs), dim3(lanes, groups)}, starting, m,
+             span, values(y), added_.data());
+  }
+
   template <int share>
   void start(const Tables& m, const Span& span, unsigned slab, const Array& y, Array& v) const {
     const Index along = span.chunks - span.from, chunks = Slab<share>::chunks;
@@ -329,7 +347,7 @@ class ModalScan final : public Convolution {
 
   // Decays E, E^length, outputs, starts and contributions of x0, K_ rows each, then w0, w1 and s1: n_ columns, padded
   // with zeros.
-  RowMatrix tables(const ModalRecurrence& r) const {
+  RowMatrix all_tables(const ModalRecurrence& r) const {
     RowMatrix all = RowMatrix::Zero(5 * K_ + 3, stride_);
     const auto put = [&](Index row, const auto& values) {
       if (values.size() > 0) all.block(row, 0, values.rows(), n_) = values.leftCols(n_);
@@ -360,19 +378,18 @@ class ModalScan final : public Convolution {
   Memory<double> tables_, states_, added_;
   Memory<int> counts_;
   std::optional<Walk> walk_;  ///< many modes: a warp takes all chunks
+  bool accumulated_ = false;  ///< the states that chunks add are those of the next y
 };
 
 }  // namespace
 
-std::unique_ptr<Convolution> make_modal_scan(const Device& device, const ModalRecurrence& r, Index modes, Index rows) {
-  return std::make_unique<ModalScan>(device, r, modes, rows, std::vector<int>{});
+std::unique_ptr<Scan> scan::make_scan(const Device& device, const ModalRecurrence& r, Index modes, Index rows,
+                                      const std::vector<int>& counts) {
+  return std::make_unique<ModalScan>(device, r, modes, rows, counts);
 }
 
-std::unique_ptr<Convolution> make_shell_scan(const Device& device, const ModalRecurrence& r, Index rows) {
-  const Shells shells = in_shells(r, std::max<Index>(rows - 1, 1), lanes, group);
-  std::vector<int> counts;
-  for (const Index count : shells.counts) counts.push_back(int(rounded_up(count, group)));
-  return std::make_unique<ModalScan>(device, shells.recurrence, r.modes(), rows, counts);
+std::unique_ptr<Convolution> make_modal_scan(const Device& device, const ModalRecurrence& r, Index modes, Index rows) {
+  return std::make_unique<ModalScan>(device, r, modes, rows, std::vector<int>{});
 }
 
 }  // namespace bromwich::cuda

@@ -3,6 +3,8 @@
 
 #include "kernels/device.hpp"
 
+#include <memory>
+#include <optional>
 #include <vector>
 
 namespace bromwich::cuda::scan {
@@ -30,6 +32,32 @@ __device__ inline void read_tile(const double* column, int step, int j, int rows
   for (int i = 0; i < tile; ++i) u[i] = column[long(min(j + i, rows - 1)) * step];
 }
 
+/// A scan as a plan.
+class Scan : public Convolution {
+ public:
+  virtual Tables tables() const = 0;
+  /// The table of the same name, K x `stride`, which may change between calls of apply.
+  virtual double* initial() = 0;
+
+  /// The states that chunks add to zero: [chunk][K][stride].
+  struct Chunks {
+    Span span;
+    double* added;
+  };
+  /// Computes those of all chunks but the last, of which the next `apply`, to the same y, makes use. Nothing where
+  /// there are no chunks, or many.
+  virtual std::optional<Chunks> add_up_chunks(const Array& y) = 0;
+};
+/// The rates that each group of `lanes` modes needs (core/kernel/shells.hpp), counts being multiples of `group`.
+struct GroupedModes {
+  ModalRecurrence recurrence;
+  std::vector<int> counts;
+};
+GroupedModes in_groups(const ModalRecurrence&, Index steps);
+/// `counts`: exponentials of each group of modes, multiples of `group`, the others being zero; empty: all.
+std::unique_ptr<Scan> make_scan(const Device&, const ModalRecurrence&, Index modes, Index rows,
+                                const std::vector<int>& counts);
+
 /// What a warp of a walk does: exponentials 16 part ... of a group of modes.
 struct WalkSlot {
   int group = -1, part = 0, parts = 1, count = 0;  ///< group < 0: nothing; count: of its exponentials
@@ -40,6 +68,12 @@ class Walk {
  public:
   /// Whether it is faster than a scan.
   static bool suits(const Device&, Index modes, Index exponentials);
+  /// The rates that each group of `lanes` modes needs (core/kernel/shells.hpp), counts being multiples of `group`.
+  struct GroupedModes {
+    ModalRecurrence recurrence;
+    std::vector<int> counts;
+  };
+  GroupedModes in_groups(const ModalRecurrence&, Index steps);
   /// `counts`: exponentials of each group of `lanes` modes.
   Walk(const Device&, const std::vector<int>& counts);
   /// Begins with the states of chunk span.from, or with x0 and y_0 if that is 0. Keeps the states of the other chunks.

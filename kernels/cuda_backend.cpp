@@ -70,8 +70,8 @@ class CudaBackend final : public Backend, public SharedMemory {
                                      Array& coarse_r, Array& coarse_y, Array& old) {
       cuda::restrict_stages(device_, r, v, y, coarse_v, coarse_r, coarse_y, old);
     };
-    fused_.face_transform = [this](const std::vector<Index>& extents, Index) {
-      return cuda::make_face_transform(device_, extents);
+    fused_.face_transform = [this](const FaceBasis& basis, Index, Way way) {
+      return cuda::make_face_transform(device_, basis, way);
     };
     fused_.projected_sweeps = [this](const ProjectedSweeps& sweeps, Index rows) {
       return cuda::make_projected_sweeps(device_, sweeps, rows);
@@ -91,6 +91,22 @@ class CudaBackend final : public Backend, public SharedMemory {
       if (const auto* d = dynamics->small_state()) return resolvent_(*d, nodes);
       if (const auto* d = dynamics->modes(); d && d->across.has_sine_modes()) return resolvent_(*d, nodes);
       return host_->resolvent(dynamics, nodes);
+    };
+    fused_.slabs.move_rows = [this](const Array* from, Index first, Index ratio, Array& to, Index begin, Index count) {
+      cuda::move_rows(device_, from, first, ratio, to, begin, count);
+    };
+    fused_.slabs.download_rows = [this](const Array& from, Index first, Index count, double* to) {
+      cuda::download_rows(device_, from, first, count, to);
+    };
+    fused_.slabs.upload_rows = [this](const double* from, Array& to, Index first, Index count) {
+      cuda::upload_rows(device_, from, to, first, count);
+    };
+    fused_.slabs.interpolate_rows = [this](const Array& coarse, const Array* old, Index ratio, Index first,
+                                           Array& fine) {
+      cuda::interpolate_rows(device_, coarse, old, ratio, first, fine);
+    };
+    fused_.slabs.carried_convolution = [this](const ModalRecurrence& r, const std::vector<Index>& ends, int rank) {
+      return cuda::make_carried_scan(device_, r, ends, rank);
     };
     fused_.scene_march = [this](const SceneMarchProblem& problem, Index scenes) {
       return cuda::make_scene_march(device_, problem, scenes);
@@ -121,7 +137,7 @@ class CudaBackend final : public Backend, public SharedMemory {
     return cuda::make_differences(device_, slots);
   }
 
-  std::unique_ptr<SineTransform> sine_transform(Index n, Index rows) override {
+  std::unique_ptr<RowTransform> sine_transform(Index n, Index rows) override {
     return cuda::make_sine_transform(device_, n, rows);
   }
   std::unique_ptr<Convolution> convolution(WeightsRef weights, Index rows) override {

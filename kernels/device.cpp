@@ -15,8 +15,8 @@ void check(cudaError_t status, const char* what) {
               status == cudaErrorMemoryAllocation ? ErrorKind::does_not_fit : ErrorKind::device);
 }
 
-Device::Device(int number) : fetcher_(number) {
-  check(cudaSetDevice(number), "choosing the device");
+Device::Device(int number) : number_(number), fetcher_(number) {
+  use();
   check(cudaDeviceGetAttribute(&multiprocessors_, cudaDevAttrMultiProcessorCount, number), "asking the device");
   check(cudaDeviceGetAttribute(&shared_memory_, cudaDevAttrMaxSharedMemoryPerBlockOptin, number), "asking the device");
   check(cudaDeviceGetAttribute(&major_, cudaDevAttrComputeCapabilityMajor, number), "asking the device");
@@ -27,6 +27,11 @@ Device::Device(int number) : fetcher_(number) {
   check(cudaDeviceGetDefaultMemPool(&pool, number), "asking for the memory pool");
   std::uint64_t keep = ~std::uint64_t(0);
   check(cudaMemPoolSetAttribute(pool, cudaMemPoolAttrReleaseThreshold, &keep), "setting up the memory pool");
+}
+
+void Device::use() const {
+  int now = -1;
+  if (cudaGetDevice(&now) != cudaSuccess || now != number_) check(cudaSetDevice(number_), "choosing the device");
 }
 
 // In a stream capture only a kernel-to-kernel edge supports programmatic launch. After streams have joined, several

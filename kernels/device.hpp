@@ -29,7 +29,11 @@ class Device {
   Device(const Device&) = delete;
   Device& operator=(const Device&) = delete;
 
-  cudaStream_t stream() const { return stream_; }
+  /// Also makes this the device of the calling thread, as all that follows needs: CUDA keeps one for each thread.
+  cudaStream_t stream() const {
+    use();
+    return stream_;
+  }
   void wait() const { check(cudaStreamSynchronize(stream_), "waiting for the device"); }
   int multiprocessors() const { return multiprocessors_; }
   std::size_t shared_memory() const { return std::size_t(shared_memory_); }  ///< bytes available to a block
@@ -38,7 +42,10 @@ class Device {
   bool may_overlap() const;
   PinnedSlots& pinned() const { return pinned_; }
   Fetcher& fetcher() const { return fetcher_; }
-  BlockCache& blocks() const { return *blocks_; }
+  BlockCache& blocks() const {
+    use();
+    return *blocks_;
+  }
   SideStreams& side_streams() const { return side_streams_; }
   RetiredGraphs& retired_graphs() const { return retired_graphs_; }
 
@@ -50,12 +57,16 @@ class Device {
   /// it.
   template <class T, class Fits, class Make>
   std::shared_ptr<T> shared(Fits fits, Make make) const {
+    use();
     std::shared_ptr<void>& kept = kept_[typeid(T)];
     if (!kept || !fits(*static_cast<T*>(kept.get()))) kept = make();
     return std::static_pointer_cast<T>(kept);
   }
 
  private:
+  void use() const;
+
+  int number_;
   cudaStream_t stream_ = nullptr;
   int multiprocessors_ = 1, shared_memory_ = 0, major_ = 0;
   mutable unsigned long work_ = 0;

@@ -140,7 +140,7 @@ class FaceMarch final : public ImmediateMarch {
         rows_(rows),
         host_(host),
         shift_(shift),
-        transform_(device, r.face),
+        transform_(device, r.face.extents()),
         decay_(on_device(device, r.decay)),
         output_(on_device(device, r.output)),
         start_(on_device(device, r.start)),
@@ -282,8 +282,8 @@ class FaceMarch final : public ImmediateMarch {
 
 std::unique_ptr<March> make_face_march(const Device& device, Backend& host, const MarchProblem& problem,
                                        const ModalRecurrence& r, Index rows) {
-  if (!FaceKernels::take(r.face) || selects_least(problem.lcp_class)) return nullptr;
-  const auto stencil = stencil_of(*problem.M, r.face);
+  if (!r.face.is_sine() || !FaceKernels::take(r.face.extents()) || selects_least(problem.lcp_class)) return nullptr;
+  const auto stencil = stencil_of(*problem.M, r.face.extents());
   if (!stencil) return nullptr;
   const Vector of_M = stencil->eigenvalues();
   if (!(of_M.minCoeff() > 0) || !((of_M + r.w0).minCoeff() > 0)) return nullptr;

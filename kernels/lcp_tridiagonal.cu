@@ -163,7 +163,7 @@ class TridiagonalLcp final : public LcpBatch {
       in_modes_ = lcp_in_modes(n_);
       of_modes_ = *uniform;
       if (in_modes_.kernel)
-        submit_in_modes = [this](SineTransform& S, const Array& r, const Array& v, bool v_in_modes, Array& y,
+        submit_in_modes = [this](RowTransform& S, const Array& r, const Array& v, bool v_in_modes, Array& y,
                                  Array* y_modes,
                                  Index first) { start_in_modes(S, r, v, v_in_modes, y, y_modes, first); };
     }
@@ -225,7 +225,7 @@ class TridiagonalLcp final : public LcpBatch {
   }
 
  private:
-  void start_in_modes(SineTransform& S, const Array& r, const Array& v, bool v_in_modes, Array& y, Array* y_modes,
+  void start_in_modes(RowTransform& S, const Array& r, const Array& v, bool v_in_modes, Array& y, Array* y_modes,
                       Index first) {
     const Index rows = y.rows();
     if (first >= rows) return;

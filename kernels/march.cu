@@ -15,6 +15,7 @@
 #include "core/kernel/response.hpp"
 #include "core/lcp/lcp_class.hpp"
 #include "core/lcp/solution.hpp"
+#include "core/numerics/sine_basis.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -250,7 +251,7 @@ class ModalMarch final : public March {
   StepKernel kernel_;
   Index n_, rows_;
   Index kept_steps_;  ///< all of a short march, whose steps keep their tableaus from run to run; 0: of none
-  std::unique_ptr<SineTransform> sine_;
+  std::unique_ptr<RowTransform> sine_;
   DeviceArray known_;                   ///< free_j, then free_j + w0 u_j
   DeviceArray input_, exact_input_;     ///< u used by the steps, and S y
   std::unique_ptr<DeviceArray> drive_;  ///< phi in modes
@@ -285,7 +286,8 @@ bool is_positive_sum(const LcpMatrix& matrix, const ModalRecurrence& r) {
 
 std::unique_ptr<March> make_march(const Device& device, Backend& host, const MarchProblem& problem, Index rows) {
   const auto* modal = problem.recurrence ? std::get_if<ModalRecurrence>(problem.recurrence) : nullptr;
-  if (modal && modal->modes() > 0 && modal->face.size() <= 1 && !selects_least(problem.lcp_class)) {
+  if (modal && modal->modes() > 0 && modal->face.size() <= 1 && modal->face.is_sine() &&
+      !selects_least(problem.lcp_class)) {
     const StepKernel kernel(device, modal->modes(), modal->exponentials());
     if (kernel.fits()) {
       const Matrix implicit = to_dense(*problem.M) + implicit_part(*modal);

@@ -1,7 +1,6 @@
 #include "kernels/nccl_communicator.hpp"
 
 #include "core/base/error.hpp"
-#include "core/seam/shared_memory.hpp"
 #include "kernels/device.hpp"
 
 #include <nccl.h>
@@ -9,16 +8,12 @@
 #include <algorithm>
 #include <array>
 #include <cstdint>
-#include <cstring>
 #include <string>
+#include <vector>
 
 namespace bromwich {
 
 namespace {
-
-using cuda::check;
-
-constexpr Index most_together = Index(1) << 24;  ///< values of a broadcast in one piece: 128 MiB of each device
 
 void checked(ncclResult_t status, const char* what) {
   if (status == ncclSuccess) return;
@@ -26,91 +21,63 @@ void checked(ncclResult_t status, const char* what) {
               "see what NCCL_DEBUG=INFO says, or run it on one rank", ErrorKind::device);
 }
 
-/// Values on the device, as many as the longest message so far needed.
-class Buffer {
- public:
-  ~Buffer() { cudaFree(values_); }
-  double* of(Index count) {
-    if (count > size_) {
-      cudaFree(values_);
-      values_ = nullptr;
-      size_ = 0;
-      check(cudaMalloc(&values_, sizeof(double) * std::size_t(count)), "allocating device memory");
-      size_ = count;
-    }
-    return values_;
-  }
+const char* const shifting = "a shift";
 
- private:
-  double* values_ = nullptr;
-  Index size_ = 0;
-};
+// Without the rest of kernels/: this file is in a shared object of its own.
+void check(cudaError_t status, const char* what) {
+  if (status == cudaSuccess) return;
+  throw Error("cuda", std::string(what) + " failed: " + cudaGetErrorString(status), "see what nvidia-smi says",
+              ErrorKind::device);
+}
 
 class NcclCommunicator final : public Communicator {
  public:
-  NcclCommunicator(int rank, int size, const ncclUniqueId& id, SharedMemory::Place place)
-      : Communicator(rank, size), device_(place.number), stream_(reinterpret_cast<cudaStream_t>(place.stream)) {
-    check(cudaSetDevice(device_), "choosing the device");
-    checked(ncclCommInitRank(&ranks_, size, id, rank), "joining the ranks");
+  NcclCommunicator(Communicator& job, const ncclUniqueId& id, const SharedMemory::Place& place)
+      : Communicator(job.rank(), job.size()), job_(job), stream_(reinterpret_cast<cudaStream_t>(place.stream)) {
+    check(cudaSetDevice(place.number), "choosing the device");
+    checked(ncclCommInitRank(&ranks_, size(), id, rank()), "joining the ranks");
   }
   ~NcclCommunicator() override { ncclCommDestroy(ranks_); }
 
+  bool moves_rows() const override { return true; }
+
  private:
-  void do_shift(const Vector& right, Vector& left) override {
-    const bool sends = rank() + 1 < size() && right.size() > 0, receives = rank() > 0 && left.size() > 0;
-    double* out = sends ? loaded(right.data(), right.size(), out_) : nullptr;
-    double* in = receives ? in_.of(left.size()) : nullptr;
-    checked(ncclGroupStart(), "a shift");
-    if (sends) checked(ncclSend(out, std::size_t(right.size()), ncclDouble, rank() + 1, ranks_, stream_), "a shift");
-    if (receives) checked(ncclRecv(in, std::size_t(left.size()), ncclDouble, rank() - 1, ranks_, stream_), "a shift");
-    checked(ncclGroupEnd(), "a shift");
-    if (receives)
-      fetch(in, left.size(), left.data());
-    else
-      wait();
-  }
+  void do_shift(const Vector& right, Vector& left) override { job_.shift(right, left); }
+  void do_gather(const Vector& values, RowMatrix& all) override { all = job_.gather(values); }
+  void do_maximum(Vector& values) override { job_.maximum(values); }
+  void do_broadcast(double* values, Index count, int root) override { job_.broadcast(values, count, root); }
 
-  void do_gather(const Vector& values, RowMatrix& all) override {
-    if (values.size() == 0) return;
-    const double* out = loaded(values.data(), values.size(), out_);
-    double* in = in_.of(all.size());
-    checked(ncclAllGather(out, in, std::size_t(values.size()), ncclDouble, ranks_, stream_), "a gather");
-    fetch(in, all.size(), all.data());
-  }
-
-  void do_maximum(Vector& values) override {
-    if (values.size() == 0) return;
-    double* both = loaded(values.data(), values.size(), out_);
-    checked(ncclAllReduce(both, both, std::size_t(values.size()), ncclDouble, ncclMax, ranks_, stream_), "a maximum");
-    fetch(both, values.size(), values.data());
-  }
-
-  void do_broadcast(double* values, Index count, int root) override {
-    for (Index begin = 0; begin < count; begin += most_together) {
-      const Index length = std::min(most_together, count - begin);
-      double* both = rank() == root ? loaded(values + begin, length, out_) : out_.of(length);
-      checked(ncclBroadcast(both, both, std::size_t(length), ncclDouble, root, ranks_, stream_), "a broadcast");
-      fetch(both, length, values + begin);
+  void do_shift_rows(const std::vector<RowShift>& rows) override {
+    checked(ncclGroupStart(), shifting);
+    for (const RowShift& one : rows) {
+      const std::size_t count = values_of(*one.from, one.count);
+      if (rank() + 1 < size())
+        checked(ncclSend(row(*one.from, one.from_row), count, ncclDouble, rank() + 1, ranks_, stream_), shifting);
+      if (rank() > 0)
+        checked(ncclRecv(row(*one.to, one.to_row), count, ncclDouble, rank() - 1, ranks_, stream_), shifting);
     }
+    checked(ncclGroupEnd(), shifting);
   }
 
-  double* loaded(const double* values, Index count, Buffer& buffer) {
-    double* to = buffer.of(count);
-    check(cudaMemcpyAsync(to, values, sizeof(double) * std::size_t(count), cudaMemcpyHostToDevice, stream_),
-          "copying to the device");
-    return to;
+  void do_gather_rows(const Array& values, Array& all) override {
+    checked(ncclAllGather(row(values, 0), row(all, 0), values_of(values, 1), ncclDouble, ranks_, stream_), "a gather");
   }
-  void fetch(const double* from, Index count, double* to) {
-    check(cudaMemcpyAsync(to, from, sizeof(double) * std::size_t(count), cudaMemcpyDeviceToHost, stream_),
-          "copying from the device");
-    wait();
-  }
-  void wait() const { check(cudaStreamSynchronize(stream_), "waiting for the device"); }
 
-  int device_;
+  void do_broadcast_rows(Array& rows, Index first, Index count, int root) override {
+    double* const both = row(rows, first);
+    checked(ncclBroadcast(both, both, values_of(rows, count), ncclDouble, root, ranks_, stream_), "a broadcast");
+  }
+
+  // Rows have their padding with them.
+  static std::size_t values_of(const Array& array, Index rows) {
+    return std::size_t(rows * cuda::stride(array.cols()));
+  }
+  static const double* row(const Array& array, Index j) { return cuda::values(array) + j * cuda::stride(array.cols()); }
+  static double* row(Array& array, Index j) { return cuda::values(array) + j * cuda::stride(array.cols()); }
+
+  Communicator& job_;
   cudaStream_t stream_;
   ncclComm_t ranks_ = nullptr;
-  Buffer out_, in_;
 };
 
 // The identity of a device as numbers that every communicator can send.
@@ -145,13 +112,10 @@ ncclUniqueId identity_of_job(Communicator& job) {
 
 }  // namespace
 
-std::unique_ptr<Communicator> make_nccl_communicator(Communicator& job, Backend& cuda) {
-  const auto* memory = dynamic_cast<const SharedMemory*>(&cuda);
-  if (!memory || memory->place().kind != 2)
-    throw Error("NCCL", "found backend '" + cuda.name() + "'", "make the backend of a CUDA device");
-  const SharedMemory::Place place = memory->place();
+std::unique_ptr<Communicator> make_nccl_communicator(Communicator& job, const SharedMemory::Place& place) {
+  if (place.kind != 2) throw Error("NCCL", "found a backend without a CUDA device", "use the backend of a CUDA device");
   refuse_shared_devices(job, place.number);
-  return std::make_unique<NcclCommunicator>(job.rank(), job.size(), identity_of_job(job), place);
+  return std::make_unique<NcclCommunicator>(job, identity_of_job(job), place);
 }
 
 }  // namespace bromwich

@@ -10,15 +10,17 @@
 
 namespace bromwich::cuda {
 
-std::unique_ptr<SineTransform> make_sine_transform(const Device&, Index n, Index rows);
+std::unique_ptr<RowTransform> make_sine_transform(const Device&, Index n, Index rows);
 /// The three implementations: one kernel for n + 1 a power of two, 16 to 4096 (`has_sine_rows`), a product with the
 /// dense matrix, and cuFFT.
 bool has_sine_rows(Index n);
-std::unique_ptr<SineTransform> make_sine_rows(const Device&, Index n);
-std::unique_ptr<SineTransform> make_sine_product(const Device&, Index n);
-std::unique_ptr<SineTransform> make_sine_fft(const Device&, Index n, Index rows);
-/// Null unless there are two directions.
-std::unique_ptr<SineTransform> make_face_transform(const Device&, const std::vector<Index>& extents);
+std::unique_ptr<RowTransform> make_sine_rows(const Device&, Index n);
+std::unique_ptr<RowTransform> make_sine_product(const Device&, Index n);
+std::unique_ptr<RowTransform> make_sine_fft(const Device&, Index n, Index rows);
+/// Rows P^T for an n x n matrix P.
+std::unique_ptr<RowTransform> make_row_product(const Device&, const Matrix& P);
+/// Null above two directions. A side with sine modes takes `make_sine_transform`.
+std::unique_ptr<RowTransform> make_face_transform(const Device&, const FaceBasis&, Way);
 std::unique_ptr<Convolution> make_convolution(const Device&, const DenseRecurrence&, Index rows);
 std::unique_ptr<Convolution> make_convolution(const Device&, const ModalRecurrence&, Index rows);
 /// The two implementations, used alone or on different modes. The scan takes modes 0 .. modes - 1. The direct sum takes
@@ -43,6 +45,13 @@ void put_stages(const Device&, const Array& first, const Array& second, Array& s
 void sweep_stages(const Device&, const StageDivisors&, const Array& r, const Array& v, Array& y);
 void restrict_stages(const Device&, const Array& r, const Array& v, const Array& y, const Array& coarse_v,
                      Array& coarse_r, Array& coarse_y, Array& old);
+/// Of core/seam/slab_operations.hpp.
+void move_rows(const Device&, const Array* from, Index first, Index ratio, Array& to, Index begin, Index count);
+void download_rows(const Device&, const Array& from, Index first, Index count, double* to);
+void upload_rows(const Device&, const double* from, Array& to, Index first, Index count);
+void interpolate_rows(const Device&, const Array& coarse, const Array* old, Index ratio, Index first, Array& fine);
+std::unique_ptr<CarriedConvolution> make_carried_scan(const Device&, const ModalRecurrence&,
+                                                      const std::vector<Index>& ends, int rank);
 void add(const Device&, const Array& b, double s, const Array& c, Array& a);
 std::unique_ptr<Differences> make_differences(const Device&, std::size_t slots);
 bool alternates(const Device&, const Array& y, Index run, double part);

@@ -6,12 +6,14 @@
 #include "kernels/parts.hpp"
 
 #include "core/base/error.hpp"
-#include "core/kernel/response.hpp"
+#include "core/numerics/sine_basis.hpp"
 
 #include <cufft.h>
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
+#include <utility>
 
 namespace bromwich::cuda {
 
@@ -27,30 +29,30 @@ void check(cufftResult status, const char* what) {
 
 using cuda::check;
 
-/// S, n x n, padded with zeros up to the stride, so that the padding of an array stays zero.
-struct SineTable {
-  SineTable(const Device& device, Index n) : n(n), values(on_device(device, padded(n))) {}
+/// n x n, padded with zeros up to the stride, so that the padding of an array stays zero.
+struct PaddedMatrix {
+  PaddedMatrix(const Device& device, const Matrix& P) : n(P.rows()), values(on_device(device, padded(P))) {}
 
-  static Matrix padded(Index n) {
-    Matrix S = Matrix::Zero(stride(n), stride(n));
-    S.topLeftCorner(n, n) = sine_matrix(n);
-    return S;
+  static Matrix padded(const Matrix& P) {
+    Matrix filled = Matrix::Zero(stride(P.rows()), stride(P.rows()));
+    filled.topLeftCorner(P.rows(), P.rows()) = P;
+    return filled;
   }
 
   Index n;
   Memory<double> values;
 };
 
-class SineProduct final : public SineTransform {
- public:
-  SineProduct(const Device& device, Index n)
-      : device_(device),
-        n_(stride(n)),
-        blas_(shared_blas(device)),
-        S_(device.shared<SineTable>([n](const SineTable& kept) { return kept.n == n; },
-                                    [&] { return std::make_shared<SineTable>(device, n); })) {}
+struct SineTable : PaddedMatrix {
+  SineTable(const Device& device, Index n) : PaddedMatrix(device, sine_matrix(n)) {}
+};
 
-  // Rows are columns to cuBLAS: out^T = S in^T + add^T.
+class RowProduct final : public RowTransform {
+ public:
+  RowProduct(const Device& device, std::shared_ptr<const PaddedMatrix> P)
+      : device_(device), n_(stride(P->n)), blas_(shared_blas(device)), P_(std::move(P)) {}
+
+  // Rows are columns to cuBLAS: out^T = P in^T + add^T.
   void apply(const Array& in, const Array* add, Array& out, Index first) override {
     const Index rows = in.rows() - first, offset = first * n_;
     if (rows <= 0 || n_ == 0) return;
@@ -59,18 +61,18 @@ class SineProduct final : public SineTransform {
       check(cudaMemcpyAsync(values(out) + offset, values(*add) + offset, sizeof(double) * std::size_t(rows * n_),
                             cudaMemcpyDeviceToDevice, device_.stream()),
             "copying on the device");
-    check(cublasDgemm(blas_->handle, CUBLAS_OP_N, CUBLAS_OP_N, int(n_), int(rows), int(n_), &one, S_->values.data(),
+    check(cublasDgemm(blas_->handle, CUBLAS_OP_N, CUBLAS_OP_N, int(n_), int(rows), int(n_), &one, P_->values.data(),
                       int(n_), values(in) + offset, int(n_), &beta, values(out) + offset, int(n_)),
-          "the sine transform");
+          "the transform");
   }
 
-  std::size_t bytes() const override { return S_->values.bytes(); }
+  std::size_t bytes() const override { return P_->values.bytes(); }
 
  private:
   const Device& device_;
   Index n_;  ///< including the padding
   std::shared_ptr<Blas> blas_;
-  std::shared_ptr<SineTable> S_;
+  std::shared_ptr<const PaddedMatrix> P_;
 };
 
 // 0, x_1, ..., x_n, 0, -x_n, ..., -x_1: the odd extension.
@@ -92,7 +94,7 @@ __global__ void take_imaginary(const cufftDoubleComplex* spectrum, int n, int st
     out[row * stride + i] = (add ? add[row * stride + i] : 0) - scale * spectrum[row * (n + 2) + i + 1].y;
 }
 
-class SineFft final : public SineTransform {
+class SineFft final : public RowTransform {
  public:
   SineFft(const Device& device, Index n, Index rows)
       : device_(device),
@@ -132,15 +134,21 @@ class SineFft final : public SineTransform {
 
 }  // namespace
 
-std::unique_ptr<SineTransform> make_sine_product(const Device& device, Index n) {
-  return std::make_unique<SineProduct>(device, n);
+std::unique_ptr<RowTransform> make_sine_product(const Device& device, Index n) {
+  return std::make_unique<RowProduct>(device,
+                                      device.shared<SineTable>([n](const SineTable& kept) { return kept.n == n; },
+                                                               [&] { return std::make_shared<SineTable>(device, n); }));
 }
 
-std::unique_ptr<SineTransform> make_sine_fft(const Device& device, Index n, Index rows) {
+std::unique_ptr<RowTransform> make_row_product(const Device& device, const Matrix& P) {
+  return std::make_unique<RowProduct>(device, std::make_shared<PaddedMatrix>(device, P));
+}
+
+std::unique_ptr<RowTransform> make_sine_fft(const Device& device, Index n, Index rows) {
   return std::make_unique<SineFft>(device, n, rows);
 }
 
-std::unique_ptr<SineTransform> make_sine_transform(const Device& device, Index n, Index rows) {
+std::unique_ptr<RowTransform> make_sine_transform(const Device& device, Index n, Index rows) {
   if (has_sine_rows(n)) return make_sine_rows(device, n);
   return n <= largest_product ? make_sine_product(device, n) : make_sine_fft(device, n, rows);
 }

@@ -53,7 +53,7 @@ struct Roots {
   Memory<double2> values;
 };
 
-class SineRows final : public SineTransform {
+class SineRows final : public RowTransform {
  public:
   SineRows(const Device& device, Index n)
       : device_(device),
@@ -109,9 +109,9 @@ bool has_sine_rows(Index n) {
   return N >= least_length && N <= largest_length && (N & n) == 0;
 }
 
-SineTables sine_tables(const SineTransform& transform) { return static_cast<const SineRows&>(transform).tables(); }
+SineTables sine_tables(const RowTransform& transform) { return static_cast<const SineRows&>(transform).tables(); }
 
-std::unique_ptr<SineTransform> make_sine_rows(const Device& device, Index n) {
+std::unique_ptr<RowTransform> make_sine_rows(const Device& device, Index n) {
   return std::make_unique<SineRows>(device, n);
 }
 

@@ -24,7 +24,7 @@ struct SineTables {
 };
 
 /// Tables of a transform for which `has_sine_rows`; they live as long as the transform.
-SineTables sine_tables(const SineTransform&);
+SineTables sine_tables(const RowTransform&);
 
 __device__ inline double2 operator+(double2 a, double2 b) { return {a.x + b.x, a.y + b.y}; }
 __device__ inline double2 operator-(double2 a, double2 b) { return {a.x - b.x, a.y - b.y}; }

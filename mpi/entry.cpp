@@ -4,6 +4,7 @@
 #include "app/interaction.hpp"
 #include "app/ranks.hpp"
 #include "files/loaded_part.hpp"
+#include "kernels/nccl_communicator.hpp"
 #include "mpi/mpi_job.hpp"
 
 #include <cstdio>
@@ -15,6 +16,11 @@ namespace bromwich::app {
 namespace {
 
 constexpr double patience = 2;  ///< seconds after a refusal; others have refused the same, or are at work
+
+const LoadedPart& nccl() {
+  static const LoadedPart part = load_part("nccl");
+  return part;
+}
 
 void say(int rank) {
   if (held_complaint().empty()) return;
@@ -30,8 +36,16 @@ int command_of_job(int argc, char** argv) {
   }
   const std::unique_ptr<MpiJob> joined = static_cast<const MpiPart*>(part.functions)->join(argc, argv);
   MpiJob& job = *joined;
-  join_job(
-      {&job.communicator(), [&job] { return job.next_number(); }, [&job] { job.restart_numbers(); }, job.neighbours()});
+  join_job({.communicator = &job.communicator(),
+            .next_number = [&job] { return job.next_number(); },
+            .restart_numbers = [&job] { job.restart_numbers(); },
+            .neighbours = job.neighbours(),
+            .number_here = job.number_here(),
+            .between_devices =
+                [&job](const SharedMemory::Place& place) {
+                  return static_cast<const NcclPart*>(nccl().functions)->make(job.communicator(), place);
+                },
+            .devices_apart = [] { return nccl().missing; }});
   const int rank = job.communicator().rank();
   const int code = command(argc, argv);
   if (!job.all_arrive(code == exit_bad_input ? patience : 1e9)) {

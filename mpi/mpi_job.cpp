@@ -64,6 +64,7 @@ class JobOfMpi final : public MpiJob {
     MPI_Comm here;
     MPI_Comm_split_type(all, MPI_COMM_TYPE_SHARED, communicator_.rank(), MPI_INFO_NULL, &here);
     neighbours_ = size_of(here);
+    number_here_ = rank_in(here);
     MPI_Comm_free(&here);
     const MPI_Aint bytes = communicator_.rank() == 0 ? MPI_Aint(sizeof(long)) : 0;
     MPI_Win_allocate(bytes, sizeof(long), MPI_INFO_NULL, all, &number_, &window_);
@@ -79,6 +80,7 @@ class JobOfMpi final : public MpiJob {
 
   Communicator& communicator() override { return communicator_; }
   int neighbours() const override { return neighbours_; }
+  int number_here() const override { return number_here_; }
 
   Index next_number() override {
     const long one = 1;
@@ -119,7 +121,7 @@ class JobOfMpi final : public MpiJob {
  private:
   MpiCommunicator communicator_;
   MPI_Comm at_the_end_ = MPI_COMM_NULL;  ///< of all_arrive alone
-  int neighbours_ = 1;
+  int neighbours_ = 1, number_here_ = 0;
   long* number_ = nullptr;  ///< the next one, in memory of rank 0
   MPI_Win window_ = MPI_WIN_NULL;
 };

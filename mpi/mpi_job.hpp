@@ -14,8 +14,9 @@ class MpiJob {
   virtual ~MpiJob() = default;
 
   virtual Communicator& communicator() = 0;
-  /// Ranks on this machine.
+  /// Ranks on this machine, and which of them this one is, from 0.
   virtual int neighbours() const = 0;
+  virtual int number_here() const = 0;
   /// 0, 1, 2, ..: each number goes to one rank, and begins with 0 again after `restart_numbers`, which all ranks call.
   virtual Index next_number() = 0;
   virtual void restart_numbers() = 0;

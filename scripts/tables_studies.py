@@ -202,6 +202,35 @@ def scale(data):
     ]
 
 
+def scale_gpu(data):
+    """Cycles on one device and on all, then the largest scene."""
+    lines = ["| scene | Q | steps on one | cycles on one | ranks | steps | cycles | applications of K | efficiency | apart |", "|--" * 10 + "|"]
+    for name in data["details"]:
+        rows = [row for row in data["rows"] if row["run"] == name and row["kind"] == "cycles"]
+        one = next(row for row in rows if row["ranks"] == 1)
+        for row in rows:
+            if row["ranks"] > 1:
+                lines.append(
+                    f"| {row['scene']} | {row['Q']:g} | {one['steps']} | {seconds(one['seconds']['median'])} | {row['ranks']} | {row['steps']} | "
+                    f"{seconds(row['seconds']['median'])} | {one['convolutions']:.1f}, {row['convolutions']:.1f} | {row['efficiency']:.2f} | "
+                    f"{number(row['apart']) if 'apart' in row else ''} |"
+                )
+    largest = data["largest"]
+    unknowns = largest["sizes"]["constraints"] * largest["steps"]
+    return lines + [
+        "",
+        "Cycles: the nested start and the cycles until the algebraic error is below a twentieth of the discretisation error, medians. "
+        "Efficiency: time on one device, for as many steps a device, relative to that on all; applications of K on one device and on all. "
+        "Apart: the largest difference of y, relative to the largest y.",
+        "",
+        f"`signorini3d` with Q = 511 and {largest['steps']} steps, {unknowns / 1e9:.2f} 10^9 contact unknowns, on two devices: {largest['status']} to a residual of "
+        f"{number(largest['residual'])} in {largest['cycles']} cycles; set-up {largest['seconds']['setup']:.1f} s, solve {largest['seconds']['solve']:.2f} s "
+        f"with the copy of y to the host, {largest['bytes'] / 1e9:.0f} GB in all.",
+        "",
+        f"Two of {data['details']['scale255']['device']}, {machine(data)}.",
+    ]
+
+
 def fields_peers(data):
     """Each contestant at equal error, then factorizations beside SuiteSparse."""
     lines = ["| states | compliance | | steps | error of w | mean error of y | set-up | whole solve | min to max | times march | memory |"]

@@ -4,23 +4,26 @@
 //
 //     w:  max |w - w_ref| / max |w_ref|,     y:  mean |y - y_ref| / mean |y_ref|,
 //
-// over the time points of both grids are below 1e-3. The reference is march with more steps. 10^6 states are for march
-// alone, on request: a second set-up as reference would double the minutes.
+// over the time points of both grids are below 1e-3. The reference is march with more steps. 10^6 states are solved on
+// request, once by both with equal steps: a second set-up as reference would double the minutes, so that the errors of
+// the Euler are differences from that march.
 
 #include "app/commands.hpp"
 #include "app/text.hpp"
 #include "bench/studies/sparse_euler.hpp"
 #include "bench/studies/study.hpp"
 #include "core/base/error.hpp"
-#include "core/base/timer.hpp"
 
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
+#include <functional>
 #include <numbers>
 #include <numeric>
 #include <optional>
+#include <utility>
 
 namespace bromwich::app {
 
@@ -35,7 +38,7 @@ struct Size {
   int repeats;
   Index of_march = 0, of_euler = 0;  ///< steps at equal error, 0: searched on the ladder
 
-  bool alone() const { return reference == 0; }  ///< march with `steps`, no other run
+  bool once() const { return reference == 0; }  ///< both with `steps`, no other run
 };
 
 // A layered material with an inclusion, as in scripts/make_contact_scene.
@@ -100,24 +103,33 @@ struct FieldRun {
   Index steps = 0, euler_steps = 0;
 };
 
-FieldRun by_march(const Scene& scene, Backend& backend, Index steps) {
+// Whether a run that begins now has taken so many seconds; 0: no limit.
+std::function<bool()> after(double seconds) {
+  if (!(seconds > 0)) return {};
+  using Clock = std::chrono::steady_clock;
+  return
+      [seconds, start = Clock::now()] { return std::chrono::duration<double>(Clock::now() - start).count() > seconds; };
+}
+
+FieldRun by_march(const Scene& scene, Backend& backend, Index steps, double limit) {
   Options options;
   options.method = Method::march;
   options.steps = steps;
   options.trace = true;
+  options.interrupted = after(limit);
   Result r = solve(scene, backend, options);
   FieldRun run{to_string(r.status), r.kernel, std::move(r.y), std::move(r.trace), r.seconds.setup, r.seconds.total,
                r.kernel_error,      r.bytes,  steps,          r.euler_steps};
   Vector g(scene.constraints());
-  for (Index j = 0; j <= steps; ++j) {
+  for (Index j = 0; j < run.w.rows(); ++j) {
     scene.g(r.t[j], g);
     run.w.row(j) += (g + multiply(scene.M, Vector(run.y.row(j).transpose()))).transpose();
   }
   return run;
 }
 
-FieldRun by_euler(const Scene& scene, Index steps) {
-  SparseEuler r = solve_by_sparse_euler(scene, steps);
+FieldRun by_euler(const Scene& scene, Index steps, double limit) {
+  SparseEuler r = solve_by_sparse_euler(scene, steps, after(limit));
   FieldRun run;
   if (r.solved) run.status = "solved";
   run.kernel = fmt::format("L D L^T with {} entries, contact states last", r.factor_entries);
@@ -135,8 +147,9 @@ struct FieldErrors {
   double largest() const { return std::max(w, y); }
 };
 
-// Without row 0, where y of M = 0 is not determined.
+// Without row 0, where y of M = 0 is not determined. NaN if one of them did not end.
 FieldErrors errors(const FieldRun& run, const FieldRun& reference) {
+  if (run.status != "solved" || reference.status != "solved") return {};
   const Index common = std::gcd(run.steps, reference.steps), a = run.steps / common, b = reference.steps / common;
   double w = 0, y = 0, all = 0;
   for (Index k = 1; k <= common; ++k) {
@@ -159,21 +172,23 @@ std::vector<Index> ladder(Index largest) {
 
 class FieldStudy {
  public:
-  FieldStudy(BenchReport& report, Backend& backend) : report_(report), backend_(backend) {}
+  FieldStudy(BenchReport& report, Backend& backend, double limit) : report_(report), backend_(backend), limit_(limit) {}
 
   void run(const Size& size, double compliance) {
     const Scene scene = field(size.cells, compliance);
-    const Solver march = [&](Index steps) { return by_march(scene, backend_, steps); },
-                 euler = [&](Index steps) { return by_euler(scene, steps); };
-    if (size.alone()) {
+    const Solver march = [&](Index steps) { return by_march(scene, backend_, steps, limit_); },
+                 euler = [&](Index steps) { return by_euler(scene, steps, limit_); };
+    if (size.once()) {
       at_ = "equal steps";
       known_ = {};
       add("march", march, size.steps, size, compliance, {});
+      const FieldRun of_march = std::move(last_);
+      add("sparse euler", euler, size.steps, size, compliance, of_march);
       return;
     }
-    const FieldRun reference = by_march(scene, backend_, size.reference);
-    known_ = errors(by_march(scene, backend_, size.reference / 2), reference);
-    from_euler_ = size.cells > 64 ? NAN : difference_from_euler(scene, by_euler(scene, size.steps));
+    const FieldRun reference = march(size.reference);
+    known_ = errors(march(size.reference / 2), reference);
+    from_euler_ = size.cells > 64 ? NAN : difference_from_euler(scene, euler(size.steps));
     at_ = "equal steps";
     add("march", march, size.steps, size, compliance, reference);
     add("sparse euler", euler, size.steps, size, compliance, reference);
@@ -221,7 +236,7 @@ class FieldStudy {
       run = solver(steps);
       samples.add(run.total, run.setup, run.total - run.setup);
     }
-    const FieldErrors e = size.alone() ? FieldErrors() : errors(run, reference);
+    const FieldErrors e = errors(run, reference);
     const double contact = double((run.y.array() > 0).count()) / double(run.y.size());
     report_.rows.push_back({{"contestant", contestant},
                             {"at", at_},
@@ -245,11 +260,14 @@ class FieldStudy {
     lines_.push_back({fmt::format("{}", size.cells * size.cells), fmt::format("{:g}", compliance), at_, contestant,
                       fmt::format("{}", steps), scientific(e.w), scientific(e.y), format_seconds(median(samples.total)),
                       format_seconds(median(samples.setup)), format_bytes(double(run.bytes)), run.status});
+    last_ = std::move(run);
     return median(samples.total);
   }
 
   BenchReport& report_;
   Backend& backend_;
+  double limit_;   ///< seconds a run, 0: none
+  FieldRun last_;  ///< of `add`
   FieldErrors known_;
   double from_euler_ = NAN;
   std::string at_;
@@ -263,6 +281,7 @@ BenchReport bench_fields(const BenchRequest& request, Backend& backend) {
   if (request.scene) throw Error("SCENE", "this benchmark has its own scene", "leave it out");
   Index only = 0, of_march = 0, of_euler = 0;
   std::optional<double> compliance;
+  double limit = 0;
   for (const auto& [name, value] : request.settings) {
     if (name == "cells")
       only = Index(value);
@@ -272,9 +291,12 @@ BenchReport bench_fields(const BenchRequest& request, Backend& backend) {
       of_euler = Index(value);
     else if (name == "compliance")
       compliance = value;
+    else if (name == "limit")
+      limit = value;
     else
-      throw Error("--set", fmt::format("found '{}'", name),
-                  "use cells, along a side; compliance; march and euler, their steps at equal error");
+      throw Error(
+          "--set", fmt::format("found '{}'", name),
+          "use cells, along a side; compliance; march and euler, their steps at equal error; limit, seconds a run");
   }
   BenchReport report;
   report.scene = "contact-varying";
@@ -293,7 +315,7 @@ BenchReport bench_fields(const BenchRequest& request, Backend& backend) {
   if (only == 1000) sizes = {{1000, 0, 1000, 1e-3, 1}};
   if (only > 0 && std::none_of(sizes.begin(), sizes.end(), [&](const Size& size) { return size.cells == only; }))
     throw Error("--set", fmt::format("found cells={}", only), "use 100, 316 or 1000, and 32 with --quick");
-  FieldStudy study(report, backend);
+  FieldStudy study(report, backend, limit);
   for (Size size : sizes) {
     if (only > 0 && size.cells != only) continue;
     if (request.steps > 0) size.steps = request.steps;

@@ -5,7 +5,8 @@
 //
 // n J points, R > 1 for what is behind the first term, bytes 8 n (K + 1) to the next rank and 8 (R - 1) P to all
 // (core/slabs/slab_convolution.hpp). Measured: point, latency, bandwidth, and carry, the work of a rank on the state at
-// the ends of its slab relative to its sweep. Any of them may be given by --set instead, for another machine.
+// the ends of its slab relative to its sweep. Any of them may be given by --set instead, for another machine. Whole
+// solves by cycles are measured beside the model: with J steps on one rank and on all, and with J steps for each rank.
 
 #include "bench/studies/scale.hpp"
 
@@ -16,27 +17,33 @@
 #include "core/base/timer.hpp"
 #include "core/kernel/discretise.hpp"
 #include "core/kernel/operators.hpp"
+#include "core/slabs/slab_array.hpp"
 #include "core/slabs/slab_backend.hpp"
 #include "core/slabs/slab_states.hpp"
 #include "core/slabs/slabs.hpp"
+#include "core/solve/solver.hpp"
 #include "cpu/cpu_backend.hpp"
+#include "kernels/cuda_backend.hpp"
 
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <map>
+#include <utility>
 
 namespace bromwich::app {
 
 namespace {
 
 constexpr Index sweeps_of_a_run = 10;
+constexpr double algebraic_share = 0.05;  ///< error that cycles leave, relative to the discretisation error
 const std::vector<std::string> term_names{"point", "carry", "latency", "bandwidth"};
 
 /// What the weights say: n, K and the decay of all modes.
 struct Carries {
-  Index n = 0, K = 0;
+  Index n = 0, K = 0, state = 0;  ///< state: values of it that travel
   RowMatrix decay;
 
   double lasting(double steps) const {
@@ -45,9 +52,7 @@ struct Carries {
     return count;
   }
   /// That one rank sends in a sweep.
-  double bytes(double J, double R) const {
-    return 8 * (double(n) * double(K + 1) + (R > 2 ? (R - 1) * lasting(J / R) : 0));
-  }
+  double bytes(double J, double R) const { return 8 * (double(state + n) + (R > 2 ? (R - 1) * lasting(J / R) : 0)); }
 };
 
 using Terms = std::map<std::string, double>;
@@ -71,7 +76,40 @@ Carries carries_of(const Scene& scene, Backend& backend, Index J) {
   const SharedWeights weights = make_time_operator(p)->weights(J, nullptr, 0);
   const ModalRecurrence* modal = modal_recurrence_of(*weights);
   if (!modal) throw Error("SCENE", fmt::format("'{}' has no sine modes", scene.name), "use signorini or signorini3d");
-  return {modal->modes(), modal->exponentials(), modal->decay};
+  Carries carries{modal->modes(), modal->exponentials(), modal->modes() * modal->exponentials(), modal->decay};
+  if (const SlabOperations& slabs = backend.fused().slabs)  // groups of modes send what they have
+    carries.state = slabs.carried_convolution(*modal, {0, J / 2, J}, 0)->state;
+  return carries;
+}
+
+/// The backend of this rank, and the ranks whose rows it may have on a device.
+struct Place {
+  std::unique_ptr<Backend> own;
+  std::unique_ptr<Communicator> devices;
+
+  Communicator& communicator() const { return devices ? *devices : ranks(); }
+};
+
+Place place_of(const BenchRequest& request, int threads) {
+  Place place;
+  if (request.backend != "cuda") {
+    place.own = make_cpu_backend(threads);
+    return place;
+  }
+  const int devices = int(cuda_devices().size());
+  if (devices == 0) throw Error("--backend", "found 'cuda' but no CUDA device", "use --backend cpu");
+  place.own = make_cuda_backend(make_cpu_backend(threads), job().number_here % devices);
+  if (ranks().size() == 1) return place;
+  if (const std::string apart = devices_apart(); !apart.empty())
+    throw Error("--backend", "found 'cuda' on several ranks, and " + apart, "use --backend cpu");
+  place.devices = job().between_devices(dynamic_cast<const SharedMemory&>(*place.own).place());
+  return place;
+}
+
+double slowest_of_ranks(double seconds) {
+  Vector slowest = Vector::Constant(1, seconds);
+  ranks().maximum(slowest);
+  return slowest[0];
 }
 
 /// Seconds of one sweep of the iteration over all points, the least of the repeats; rank by rank the slowest.
@@ -85,38 +123,94 @@ double seconds_of_sweep(const Scene& scene, Backend& backend, Index J, int repea
     const Result result = solve(scene, backend, options);
     if (i > 0) least = std::min(least, result.seconds.sweeps / double(result.iterations - 1));
   }
-  Vector slowest = Vector::Constant(1, least);
-  ranks().maximum(slowest);
-  return slowest[0];
+  return slowest_of_ranks(least);
 }
 
-/// Of a shift of this many values, the least of many.
-double seconds_of_shift(Index values) {
-  const Vector right = Vector::Ones(values);
-  Vector left = Vector::Zero(values), least = Vector::Constant(1, -INFINITY);
+/// A solve by cycles that stops where its error is a small part of that of the grid.
+struct Cycles {
+  std::vector<double> seconds, whole;  ///< of the nested start and the cycles; of the solve
+  Result last;
+};
+Cycles cycles_of(const Scene& scene, Backend& backend, Index J, int repeats) {
+  Options options;
+  options.method = Method::multigrid;
+  options.steps = J;
+  options.tuning.algebraic_share = algebraic_share;
+  Solver solver(scene, backend, options);
+  Cycles cycles;
+  for (int i = 0; i <= repeats; ++i) {
+    ranks().gather(Vector::Zero(1));  // all begin together
+    Timer timer;
+    cycles.last = solver.solve();
+    const double whole = slowest_of_ranks(timer.lap()), sweeps = slowest_of_ranks(cycles.last.seconds.sweeps);
+    if (i == 0) continue;
+    cycles.seconds.push_back(sweeps);
+    cycles.whole.push_back(whole);
+  }
+  return cycles;
+}
+
+/// Of a shift of one row with this many values, the least of many.
+double seconds_of_shift(const Place& place, Index values) {
+  const auto right = place.own->array(1, values), left = place.own->array(1, values);
+  const RankedBackend ranked{*place.own, place.communicator()};
+  Vector least = Vector::Constant(1, -INFINITY);
   for (int i = 0; i < 200; ++i) {
+    place.own->wait();
     ranks().gather(Vector::Zero(1));
     Timer timer;
-    ranks().shift(right, left);
+    ranked.shift({{right.get(), 0, left.get(), 0, 1}});
+    place.own->wait();
     if (ranks().rank() > 0) least[0] = std::max(least[0], -timer.lap());
   }
   ranks().maximum(least);
   return -least[0];
 }
 
-void measure(const Scene& scene, Backend& backend, const Carries& c, Index J, int repeats, Terms& terms,
+Json row_of(Index J, int on, const Cycles& cycles) {
+  return {{"kind", "cycles"},
+          {"ranks", on},
+          {"steps", J},
+          {"status", to_string(cycles.last.status)},
+          {"cycles", cycles.last.cycles},
+          {"convolutions", cycles.last.convolutions},
+          {"residual", cycles.last.residual},
+          {"bytes", cycles.last.bytes},
+          {"seconds", spread(cycles.seconds)},
+          {"prepared", spread(cycles.whole)}};
+}
+
+// With J steps on all ranks, and with J for each.
+void measure_divided_cycles(const Scene& scene, const Place& place, Backend& divided, Index J, const Cycles& one,
+                            int repeats, BenchReport& report) {
+  const int R = ranks().size();
+  for (const Index steps : {J, J * R}) {
+    const Traffic before = place.communicator().sent();
+    const Cycles many = cycles_of(scene, divided, steps, repeats);
+    Json row = row_of(steps, R, many);
+    row["bytes_shifted"] = place.communicator().sent().shifted - before.shifted;
+    row["efficiency"] = median(one.seconds) * double(steps) / double(J) / (median(many.seconds) * R);
+    if (steps == J) row["apart"] = (many.last.y - one.last.y).cwiseAbs().maxCoeff() / one.last.y.cwiseAbs().maxCoeff();
+    report.rows.push_back(std::move(row));
+  }
+}
+
+// One rank alone first: it needs no other.
+void measure(const Scene& scene, Place& place, const Carries& c, Index J, int repeats, Terms& terms,
              BenchReport& report) {
   const int R = ranks().size();
-  const double one = seconds_of_sweep(scene, backend, J, repeats);
+  const double one = seconds_of_sweep(scene, *place.own, J, repeats);
+  const Cycles cycles = cycles_of(scene, *place.own, J, repeats);
   terms.emplace("point", one / double(c.n * J));
+  report.rows.push_back(row_of(J, 1, cycles));
   if (R == 1) return;
-  const auto divided = make_slab_backend(make_cpu_backend(backend.threads()), ranks());
-  const Traffic before = ranks().sent();
-  const double many = seconds_of_sweep(scene, *divided, J, repeats);
-  const Index large = std::max<Index>(c.n * (c.K + 1), 1 << 16);
-  const double latency = seconds_of_shift(1), transfer = seconds_of_shift(large);
+  const Index large = std::max<Index>(c.state + c.n, 1 << 16);
+  const double latency = seconds_of_shift(place, 1), transfer = seconds_of_shift(place, large);
   terms.emplace("latency", latency);
   terms.emplace("bandwidth", 8 * double(large) / std::max(transfer - latency, 1e-9));
+  const auto divided = make_slab_backend(std::move(place.own), place.communicator());
+  const Traffic before = place.communicator().sent();
+  const double many = seconds_of_sweep(scene, *divided, J, repeats);
   Terms without = terms;
   without.insert_or_assign("carry", 0.);
   terms.emplace("carry", std::max(0., (many - sweep(without, c, double(J), R)) * R / one));
@@ -126,7 +220,8 @@ void measure(const Scene& scene, Backend& backend, const Carries& c, Index J, in
                          {"sweep_on_one", one},
                          {"sweep", many},
                          {"efficiency", one / (many * R)},
-                         {"bytes_shifted", (ranks().sent().shifted - before.shifted)}});
+                         {"bytes_shifted", (place.communicator().sent().shifted - before.shifted)}});
+  measure_divided_cycles(scene, place, *divided, J, cycles, repeats, report);
 }
 
 BenchRequest without_terms(const BenchRequest& request, Terms& terms) {
@@ -144,6 +239,50 @@ BenchRequest without_terms(const BenchRequest& request, Terms& terms) {
 
 }  // namespace
 
+namespace {
+
+constexpr std::array predicted_ranks{1., 2., 4., 8., 64., 512.};
+
+std::string predictions(const Terms& terms, const Carries& c, Index J, BenchReport& report) {
+  std::vector<std::vector<std::string>> lines{
+      {"ranks", "steps", "sweep", "cycle", "efficiency, same J", "efficiency, J a rank", "bytes a rank"}};
+  const double steps = double(J), alone = cycle(terms, c, steps, 1);
+  for (const double R : predicted_ranks) {
+    const double strong = alone / (R * cycle(terms, c, steps, R)), weak = alone / cycle(terms, c, steps * R, R);
+    const double bytes = R > 1 ? c.bytes(steps, R) : 0;
+    lines.push_back({fmt::format("{}", int(R)), fmt::format("{}", J), format_seconds(sweep(terms, c, steps, R)),
+                     format_seconds(cycle(terms, c, steps, R)), fmt::format("{:.2f}", strong),
+                     fmt::format("{:.2f}", weak), format_bytes(bytes)});
+    report.rows.push_back({{"kind", "predicted"},
+                           {"ranks", int(R)},
+                           {"steps", J},
+                           {"sweep", sweep(terms, c, steps, R)},
+                           {"cycle", cycle(terms, c, steps, R)},
+                           {"strong", strong},
+                           {"weak", weak},
+                           {"bytes", bytes}});
+  }
+  return table(lines);
+}
+
+void take_notes(BenchReport& report) {
+  report.notes.push_back(
+      "predicted from the terms; every grid of a cycle has two sweeps, and a message is never hidden "
+      "behind work");
+  for (const Json& row : report.rows) {
+    if (row["kind"] == "measured")
+      report.notes.push_back(fmt::format("measured on {} ranks: a sweep takes {}, on one {}", row["ranks"].get<int>(),
+                                         format_seconds(row["sweep"].get<double>()),
+                                         format_seconds(row["sweep_on_one"].get<double>())));
+    if (row["kind"] == "cycles")
+      report.notes.push_back(fmt::format(
+          "measured on {} ranks, {} steps: {} of cycles ({})", row["ranks"].get<int>(), row["steps"].get<Index>(),
+          format_seconds(row["seconds"]["median"].get<double>()), row["status"].get<std::string>()));
+  }
+}
+
+}  // namespace
+
 BenchReport bench_scale(const BenchRequest& asked, Backend& backend) {
   Terms terms;
   const BenchRequest request = without_terms(asked, terms);
@@ -153,44 +292,22 @@ BenchReport bench_scale(const BenchRequest& asked, Backend& backend) {
   if (!settings.contains("Q")) settings["Q"] = request.quick ? 15 : 31;
   const SceneChoice choice = choose_scene(report.scene, settings);
   const Index J = request.steps > 0 ? request.steps : request.quick ? 512 : 2048;
-  const Carries c = carries_of(choice.scene, backend, J);
+  Place place = place_of(request, backend.threads());
+  const Carries c = carries_of(choice.scene, *place.own, J);
+  report.details["device"] = place.own->device().name;
   const bool all_given = terms.size() == term_names.size();
-  if (!all_given) measure(choice.scene, backend, c, J, request.repeats(), terms, report);
+  if (!all_given) measure(choice.scene, place, c, J, request.repeats(), terms, report);
   if (terms.size() < term_names.size())
     throw Error("mpirun", "did not start several ranks, whose messages would be measured",
                 "use mpirun -n 2, or --set latency=, bandwidth= (bytes a second) and carry=");
   report.parameters = to_json(choice.parameters);
-  report.details = {
-      {"terms", terms}, {"exponentials", c.K}, {"given", asked.settings.size() > request.settings.size()}};
-
-  std::vector<std::vector<std::string>> lines{
-      {"ranks", "steps", "sweep", "cycle", "efficiency, same J", "efficiency, J a rank", "bytes a rank"}};
-  for (const double R : {1., 2., 4., 8., 64., 512.}) {
-    const double strong = cycle(terms, c, double(J), 1) / (R * cycle(terms, c, double(J), R)),
-                 weak = cycle(terms, c, double(J), 1) / cycle(terms, c, double(J) * R, R);
-    const double bytes = R > 1 ? c.bytes(double(J), R) : 0;
-    lines.push_back({fmt::format("{}", int(R)), fmt::format("{}", J), format_seconds(sweep(terms, c, double(J), R)),
-                     format_seconds(cycle(terms, c, double(J), R)), fmt::format("{:.2f}", strong),
-                     fmt::format("{:.2f}", weak), format_bytes(bytes)});
-    report.rows.push_back({{"kind", "predicted"},
-                           {"ranks", int(R)},
-                           {"steps", J},
-                           {"sweep", sweep(terms, c, double(J), R)},
-                           {"cycle", cycle(terms, c, double(J), R)},
-                           {"strong", strong},
-                           {"weak", weak},
-                           {"bytes", bytes}});
-  }
-  std::string text = table(lines);
+  report.details["terms"] = terms;
+  report.details["exponentials"] = c.K;
+  report.details["state"] = c.state;
+  report.details["given"] = asked.settings.size() > request.settings.size();
+  std::string text = predictions(terms, c, J, report);
   for (const auto& [name, value] : terms) text += fmt::format("{} {:.3g}\n", name, value);
-  report.notes.push_back(
-      "predicted from the terms; every grid of a cycle has two sweeps, and a message is never hidden "
-      "behind work");
-  for (const Json& row : report.rows)
-    if (row["kind"] == "measured")
-      report.notes.push_back(fmt::format("measured on {} ranks: a sweep takes {}, on one {}", row["ranks"].get<int>(),
-                                         format_seconds(row["sweep"].get<double>()),
-                                         format_seconds(row["sweep_on_one"].get<double>())));
+  take_notes(report);
   print_with_notes(text, report);
   return report;
 }

@@ -137,7 +137,7 @@ SparseMatrix ordered(const SparseMatrix& matrix, const Factors& factors, bool co
 
 }  // namespace
 
-SparseEuler solve_by_sparse_euler(const Scene& scene, Index steps) {
+SparseEuler solve_by_sparse_euler(const Scene& scene, Index steps, const std::function<bool()>& stop) {
   Timer timer;
   const SparseDynamics& d = get<SparseDynamics>(scene.dynamics);
   const Index m = d.A.rows(), n = d.N.rows();
@@ -163,6 +163,10 @@ SparseEuler solve_by_sparse_euler(const Scene& scene, Index steps) {
   out.setup = timer.lap();
   MarchReport report;
   for (Index j = 1; j <= steps; ++j) {
+    if (stop && stop()) {
+      out.solve = timer.lap();
+      return out;
+    }
     const double t = double(j) * h;
     v.noalias() = E * x;
     if (sourced) {

@@ -10,6 +10,8 @@
 
 #include "core/scene/scene.hpp"
 
+#include <functional>
+
 namespace bromwich::app {
 
 struct SparseEuler {
@@ -21,7 +23,7 @@ struct SparseEuler {
 };
 
 /// Precondition: sparse dynamics, E/h - A symmetric positive definite, every row of N and column of B has one entry, at
-/// the same state.
-SparseEuler solve_by_sparse_euler(const Scene&, Index steps);
+/// the same state. `stop`: polled in every step; true ends the run, which is then not solved.
+SparseEuler solve_by_sparse_euler(const Scene&, Index steps, const std::function<bool()>& stop = {});
 
 }  // namespace bromwich::app

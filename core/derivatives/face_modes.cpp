@@ -1,11 +1,8 @@
 #include "core/derivatives/face_modes.hpp"
 
 #include "core/base/simd.hpp"
-#include "core/numerics/sine_basis.hpp"
 
 #include <algorithm>
-#include <functional>
-#include <numeric>
 #include <type_traits>
 
 namespace bromwich {
@@ -25,23 +22,42 @@ double sum_of(Lanes v) {
 
 }  // namespace
 
-FaceModes::FaceModes(const std::vector<Index>& extents)
-    : extents_(extents), n_(std::accumulate(extents.begin(), extents.end(), Index(1), std::multiplies<>())) {
-  if (extents_.size() != 1) return;
-  const Matrix S = sine_matrix(n_);
-  const Index half = n_ / 2, first = n_ - half;
-  even_ = S(Eigen::seqN(0, first), Eigen::seqN(0, first, 2));
-  odd_ = S(Eigen::seqN(0, half), Eigen::seqN(1, half, 2));
+FaceModes::FaceModes(FaceBasis basis) : basis_(std::move(basis)), n_(basis_.points()) {
+  if (basis_.size() != 1) return;
+  const Matrix V = basis_.matrix();
   columns_ = RowMatrix::Zero(n_, simd::blocks(n_) * simd::lanes);
-  columns_.leftCols(n_) = S;
+  columns_.leftCols(n_) = V;
+  if (!basis_.is_sine()) return;
+  const Index half = n_ / 2, first = n_ - half;
+  even_ = V(Eigen::seqN(0, first), Eigen::seqN(0, first, 2));
+  odd_ = V(Eigen::seqN(0, half), Eigen::seqN(1, half, 2));
+}
+
+RowMatrix FaceModes::transformed(RowMatrix values, Way way) const {
+  if (basis_.size() != 1) {
+    for (Index j = 0; j < values.rows(); ++j) basis_.apply(way, values.row(j).data());
+    return values;
+  }
+  if (basis_.is_sine()) {
+    fold(values);
+    return values;
+  }
+  const auto V = columns_.leftCols(n_);
+  RowMatrix products(rows_together, n_);
+  for (Index j = 0; j < values.rows(); j += rows_together) {
+    const Index count = std::min(rows_together, values.rows() - j);
+    auto rows = values.middleRows(j, count);
+    if (way == Way::to_modes)
+      products.topRows(count).noalias() = rows * V;
+    else
+      products.topRows(count).noalias() = rows * V.transpose();
+    rows = products.topRows(count);
+  }
+  return values;
 }
 
 // In place, some rows at a time: large arrays that are made for a moment cost more than the products, in page faults.
-RowMatrix FaceModes::of(RowMatrix values) const {
-  if (extents_.size() != 1) {
-    for (Index j = 0; j < values.rows(); ++j) to_face_modes(extents_, values.row(j).data());
-    return values;
-  }
+void FaceModes::fold(RowMatrix& values) const {
   const Index half = n_ / 2, first = n_ - half;
   RowMatrix sums(rows_together, first), differences(rows_together, half), modes(rows_together, first);
   for (Index j = 0; j < values.rows(); j += rows_together) {
@@ -56,13 +72,12 @@ RowMatrix FaceModes::of(RowMatrix values) const {
     modes.topLeftCorner(count, half).noalias() = differences.topRows(count) * odd_;
     rows(Eigen::all, Eigen::seqN(1, half, 2)) = modes.topLeftCorner(count, half);
   }
-  return values;
 }
 
 void FaceModes::seen_on(const std::vector<Index>& set, const Vector& modes, Vector& values) const {
-  if (extents_.size() != 1) {
+  if (basis_.size() != 1) {
     values = modes;
-    return to_face_modes(extents_, values.data());
+    return basis_.apply(Way::to_points, values.data());
   }
   Vector whole = Vector::Zero(columns_.cols());
   whole.head(n_) = modes;
@@ -80,9 +95,9 @@ void FaceModes::seen_on(const std::vector<Index>& set, const Vector& modes, Vect
 }
 
 void FaceModes::of_set(const std::vector<Index>& set, const Vector& values, Vector& modes) const {
-  if (extents_.size() != 1) {
+  if (basis_.size() != 1) {
     modes = values;
-    return to_face_modes(extents_, modes.data());
+    return basis_.apply(Way::to_modes, modes.data());
   }
   const Index width = columns_.cols();
   Vector whole(width);

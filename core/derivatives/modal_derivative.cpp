@@ -48,7 +48,7 @@ ModalDerivative::ModalDerivative(const Scene& scene, const Result& result)
       transposed_M_(transposed(scene.M)),
       M_(to_dense(scene.M)),
       across_(d_.across.modes()),
-      face_(d_.face_extents()),
+      face_(d_.face_basis()),
       J_(result.steps),
       m_(scene.states()),
       n_(scene.constraints()),
@@ -63,9 +63,9 @@ ModalDerivative::ModalDerivative(const Scene& scene, const Result& result)
     refuse_in_modes("the result has other rows than its grid", "differentiate a result as solve returned it");
   every_.resize(std::size_t(n_));
   std::iota(every_.begin(), every_.end(), Index(0));
-  // W = M + S diag(W_0) S.
-  const RowMatrix S = face_.of(RowMatrix::Identity(n_, n_));
-  const Matrix W = M_ + S * convolution_.own().asDiagonal() * S;
+  // W = M + V diag(W_0) V^T.
+  const RowMatrix V = face_.to_modes(RowMatrix::Identity(n_, n_));
+  const Matrix W = M_ + V * convolution_.own().asDiagonal() * V.transpose();
   sets_.resize(std::size_t(J_) + 1);
   for (Index j = 0; j <= J_; ++j)
     sets_[std::size_t(j)] = j > 0 ? responses_.take(positive_in(y_, j), W) : responses_.take(positive_in(y_, j), M_, 1);
@@ -78,11 +78,11 @@ ModalDerivative::ModalDerivative(const Scene& scene, const Result& result)
 
 // K x n modes of m values, face points slowest.
 RowMatrix ModalDerivative::state_modes(const Vector& x) const {
-  return face_.of(across_.transpose() * Eigen::Map<const RowMatrix>(x.data(), n_, K_).transpose());
+  return face_.to_modes(across_.transpose() * Eigen::Map<const RowMatrix>(x.data(), n_, K_).transpose());
 }
 
 Vector ModalDerivative::state_of(const RowMatrix& modes) const {
-  const RowMatrix x = face_.of(modes).transpose() * across_.transpose();
+  const RowMatrix x = face_.to_points(modes).transpose() * across_.transpose();
   return Eigen::Map<const Vector>(x.data(), m_);
 }
 
@@ -102,7 +102,7 @@ ModalDerivative::StateMaps ModalDerivative::state_maps() const {
 
 // w of the states that x0 and u = y + phi give: it has to vanish where y acts.
 void ModalDerivative::follow(const RowMatrix& x0, const RowMatrix& u) {
-  const RowMatrix modes = face_.of(u);
+  const RowMatrix modes = face_.to_modes(u);
   RowMatrix v = start_.response(x0, J_);
   ModalConvolution::State z = convolution_.state();
   Vector a(n_), off(n_);
@@ -110,7 +110,7 @@ void ModalDerivative::follow(const RowMatrix& x0, const RowMatrix& u) {
     convolution_.advance(j, modes.row(j - 1).data(), z, a);
     v.row(j) += (a + convolution_.own().cwiseProduct(modes.row(j).transpose())).transpose();
   }
-  w_ += face_.of(std::move(v));
+  w_ += face_.to_points(std::move(v));
   const double allowed = same_y * (1e-290 + y_.cwiseAbs().maxCoeff());
   for (Index j = 0; j <= J_; ++j) {
     const Index set = sets_[std::size_t(j)];

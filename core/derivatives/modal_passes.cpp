@@ -30,9 +30,9 @@ SolutionChange ModalDerivative::jvp(const DataChange& c, bool states) const {
   else
     w.setZero();
   if (c.M.size() > 0) w.noalias() += y_ * c.M.transpose();
-  if (x0.size() > 0) w += face_.of(start_.response(x0, J_));
+  if (x0.size() > 0) w += face_.to_points(start_.response(x0, J_));
   Vector terms = w.row(0).cwiseAbs().transpose();
-  RowMatrix u = c.f.size() > 0 ? face_.of(c.f) : RowMatrix::Zero(J_ + 1, n_), v(J_ + 1, n_);
+  RowMatrix u = c.f.size() > 0 ? face_.to_modes(c.f) : RowMatrix::Zero(J_ + 1, n_), v(J_ + 1, n_);
   ModalConvolution::State z = convolution_.state();
   Vector a = Vector::Zero(n_), q = Vector::Zero(n_), dy(n_), driven(n_);
   for (Index j = 0; j <= J_; ++j) {
@@ -54,7 +54,7 @@ SolutionChange ModalDerivative::jvp(const DataChange& c, bool states) const {
     else
       out.integral.row(0).setZero();
   }
-  w += face_.of(std::move(v));
+  w += face_.to_points(std::move(v));
   add_products(scene_M_, out.y, w);
   terms += M_.cwiseAbs() * out.y.row(0).cwiseAbs().transpose();
   if (x0.size() > 0) terms.array() += (seen_.cwiseAbs().transpose() * x0.cwiseAbs()).norm();
@@ -72,11 +72,11 @@ DataChange ModalDerivative::vjp(const SolutionChange& of) const {
   RowMatrix of_u = RowMatrix::Zero(J_ + 1, n_), of_x0, rho = RowMatrix::Zero(J_ + 1, n_), given;
   if (of.x.size() > 0) std::tie(of_u, of_x0) = states_transposed(of.x);
   if (of.w.size() > 0) {
-    rho = face_.of(of.w);
+    rho = face_.to_modes(of.w);
     of_u.bottomRows(J_) += rho.bottomRows(J_) * convolution_.own().asDiagonal();
   }
   // What w and x at any time have of y, without the states that y leads to.
-  if (of.x.size() > 0 || of.w.size() > 0) given = face_.of(of_u);
+  if (of.x.size() > 0 || of.w.size() > 0) given = face_.to_points(of_u);
   const double of_start = given.size() > 0 ? given.row(0).norm() : 0;
   if (of.w.size() > 0) add_products(transposed_M_, of.w, given);
   bar.g = of.w.size() > 0 ? of.w : RowMatrix::Zero(J_ + 1, n_);
@@ -105,7 +105,7 @@ DataChange ModalDerivative::vjp(const SolutionChange& of) const {
     if (j > 0) of_u.row(j) -= convolution_.own().cwiseProduct(modes).transpose();
     bar.g.row(j) -= mu.transpose();
   }
-  bar.f = face_.of(std::move(of_u));
+  bar.f = face_.to_points(std::move(of_u));
   RowMatrix start = start_.transposed(rho);
   if (of_x0.size() > 0) start += of_x0;
   bar.x0 = state_of(start);

@@ -141,6 +141,7 @@ class ModalInverse {
   ModalRecurrence recurrence(const PoleSum& sum) const {
     const Index n = M_.size(), K = sum.rates.size();
     ModalRecurrence V;
+    V.face = p_.face();
     V.decay.resize(K, n);
     V.output.resize(K, n);
     V.start = RowMatrix::Zero(K, n);
@@ -186,31 +187,6 @@ std::pair<double, double> best_divisor(const std::vector<Complex>& values) {
 
 double high_frequency(Index i) { return std::numbers::pi * (0.25 + 0.75 * double(i) / double(high_frequencies - 1)); }
 
-std::optional<Vector> eigenvalues_in_modes(const LcpMatrix& matrix) {
-  const Index n = size(matrix);
-  double a = 0, b = 0;
-  if (const auto* M = std::get_if<Tridiagonal>(&matrix)) {
-    if (n > 0) a = M->diagonal[0];
-    if (n > 1) b = M->upper[0];
-    for (Index i = 0; i < n; ++i)
-      if (M->diagonal[i] != a || (i > 0 && M->lower[i] != b) || (i + 1 < n && M->upper[i] != b)) return std::nullopt;
-  } else if (const SparseMatrix* sparse = sparse_of(matrix)) {
-    const auto stencil = stencil_of(matrix, {n});
-    if (!stencil) return std::nullopt;
-    a = stencil->centre, b = n > 1 ? sparse->coeff(0, 1) : 0;
-  } else {
-    const Matrix& full = std::get<Matrix>(matrix);
-    if (n > 0) a = full(0, 0);
-    if (n > 1) b = full(0, 1);
-    for (Index j = 0; j < n; ++j)
-      for (Index i = 0; i < n; ++i)
-        if (full(i, j) != (i == j ? a : std::abs(i - j) == 1 ? b : 0)) return std::nullopt;
-  }
-  Vector values(n);
-  for (Index l = 0; l < n; ++l) values[l] = a + 2 * b * std::cos(std::numbers::pi * double(l + 1) / double(n + 1));
-  return values;
-}
-
 std::vector<Complex> rule_boundary(Index stages, double h, Index J, Index points) {
   std::vector<Complex> boundary, back;
   const double from = 0.01 / double(J);
@@ -233,8 +209,8 @@ std::vector<Complex> rule_boundary(Index stages, double h, Index J, Index points
 DualChoice dual_weights(const DiscreteProblem& p, Index stages, const DualWeights* finer) {
   if (p.small_state()) return stages == 1 ? dense_dual_weights(p) : refused_dual("dense dynamics have no stages");
   if (!p.modes()) return fitted_dual_weights(p, stages, finer);
-  auto M = eigenvalues_in_modes(p.scene.M);
-  if (!M) return refused_dual("sine modes do not diagonalise M");
+  auto M = eigenvalues_in(p.face(), p.scene.M);
+  if (!M) return refused_dual("the modes of the face do not diagonalise M");
   return ModalInverse(p, std::move(*M), stages).choose(finer ? finer->fit : nullptr);
 }
 

@@ -91,9 +91,6 @@ std::pair<double, double> best_divisor(const std::vector<Complex>& values);
 inline constexpr Index high_frequencies = 13;
 double high_frequency(Index i);
 
-/// The eigenvalues of M in the sine modes: M is a symmetric tridiagonal Toeplitz matrix. Empty otherwise.
-std::optional<Vector> eigenvalues_in_modes(const LcpMatrix& M);
-
 /// V of implicit Euler for dense dynamics, without the split. Precondition: M + W_0 is regular.
 DenseRecurrence inverse_recurrence(const DenseDynamics&, const Matrix& M, double h);
 

@@ -6,7 +6,6 @@
 #include "core/dual/stage_weights.hpp"
 #include "core/dynamics/line_transfer.hpp"
 #include "core/host/stage_step.hpp"
-#include "core/numerics/sine_basis.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -56,6 +55,7 @@ Vector of_step(const RowMatrix& rows, Index j, Index stages) {
 std::shared_ptr<const ModalStages> all_modes(const DiscreteProblem& p) {
   const KroneckerDynamics& d = *p.modes();
   auto modal = std::make_shared<ModalStages>();
+  modal->face = p.face();
   modal->along = d.face_eigenvalues();
   modal->rates = d.across.eigenvalues();
   modal->across = d.across.modes();
@@ -240,7 +240,7 @@ RowMatrix stage_states(const DiscreteProblem& p, const RowMatrix& y, const std::
   StateSteps steps(p, 2, true);
   Matrix along, across;
   if (p.modes()) {
-    along = sine_matrix(steps.problem.modal->along.size());
+    along = steps.problem.modal->face.matrix().transpose();
     across = steps.problem.modal->across;
   }
   const auto record = [&](Index j, const Vector& state) {

@@ -290,8 +290,9 @@ std::shared_ptr<const GridModes> GridModes::of(const std::vector<SparseMatrix>& 
   return g;
 }
 
-GridSystem::GridSystem(SparseDynamics d, std::shared_ptr<const GridModes> modes, Vector X)
-    : SparseSystem(std::move(d)), modes_(std::move(modes)), X_(std::move(X)) {}
+GridSystem::GridSystem(SparseDynamics d, std::shared_ptr<const GridModes> modes, Vector X,
+                       std::shared_ptr<const SymmetricForm> form)
+    : SparseSystem(std::move(d)), modes_(std::move(modes)), X_(std::move(X)), form_(std::move(form)) {}
 
 std::shared_ptr<LinearSystem> GridSystem::with_inputs_and_outputs(const SparseMatrix& B, const SparseMatrix& N) const {
   return std::make_shared<GridSystem>(SparseDynamics{d.A, B, N, d.E}, modes_, X_);
@@ -302,7 +303,7 @@ std::shared_ptr<LinearSystem> GridSystem::in_units(SparseDynamics scaled, const 
 }
 
 bool GridSystem::solves_in_modes() const {
-  return !has_mass() && d.A.rows() == modes_->lines() * modes_->points() && Parts::few(d, modes_->points());
+  return modes_ && !has_mass() && d.A.rows() == modes_->lines() * modes_->points() && Parts::few(d, modes_->points());
 }
 
 ComplexMatrix GridSystem::solve_at(const ComplexVector& nodes, const HostThreads& threads) const {

@@ -3,6 +3,7 @@
 // constant advection and Neumann or Robin ends. Eigenvectors of the directions beside the lines reduce a shifted solve
 // to one tridiagonal solve a mode, where sparse matrices without this structure need an elimination.
 
+#include "kronecker.hpp"
 #include "sparse_system.hpp"
 
 #include <memory>
@@ -24,10 +25,21 @@ struct GridModes {
   static std::shared_ptr<const GridModes> of(const std::vector<SparseMatrix>& directions, double reaction);
 };
 
+/// x = X x~, y = Y y~, w = Y w~ with positive diagonals X and Y: y~ and w~ are complementary where y and w are, and the
+/// dynamics of x~ are a Kronecker sum, whose directions are symmetric. So is constant advection removed.
+struct SymmetricForm {
+  KroneckerDynamics modes;
+  Vector x, y;  ///< the diagonals
+};
+
 class GridSystem final : public SparseSystem {
  public:
-  /// X: a factor for each state, or empty.
-  GridSystem(SparseDynamics, std::shared_ptr<const GridModes>, Vector X = {});
+  /// X: a factor for each state, or empty. Both pointers may be null.
+  GridSystem(SparseDynamics, std::shared_ptr<const GridModes>, Vector X = {},
+             std::shared_ptr<const SymmetricForm> = nullptr);
+
+  /// Null: there is none.
+  const std::shared_ptr<const SymmetricForm>& symmetric_form() const { return form_; }
 
   std::shared_ptr<LinearSystem> with_inputs_and_outputs(const SparseMatrix& B, const SparseMatrix& N) const override;
   /// The dynamics of x / unit, with its matrices.
@@ -40,6 +52,7 @@ class GridSystem final : public SparseSystem {
 
   std::shared_ptr<const GridModes> modes_;
   Vector X_;
+  std::shared_ptr<const SymmetricForm> form_;
 };
 
 }  // namespace bromwich

@@ -1,4 +1,4 @@
-// Kronecker sums: diagonal in the sine modes of the face and the modes of a line across it.
+// Kronecker sums: diagonal in the modes of the face and the modes of a line across it.
 
 #include "core/dynamics/kronecker.hpp"
 
@@ -29,12 +29,6 @@ void validate_difference(const std::string& member, const SecondDifference& d) {
   if (!std::isfinite(d.decay)) throw Error(member + ".decay", "is " + text("%g", d.decay), "give a finite number");
 }
 
-void validate_face(const std::string& member, const SecondDifference& d) {
-  validate_difference(member, d);
-  if (!d.has_sine_modes() && d.points > 1)
-    throw Error(member, "has ends that reflect", "write the scene out as sparse matrices, or give Dirichlet ends");
-}
-
 class KroneckerSystem final : public SystemOf<KroneckerDynamics> {
  public:
   using SystemOf::SystemOf;
@@ -42,9 +36,10 @@ class KroneckerSystem final : public SystemOf<KroneckerDynamics> {
   Index states() const override { return d.face_points() * d.across.points; }
   Index constraints() const override { return d.face_points(); }
   void validate(bool) const override {
-    validate_face("along", d.along);
+    validate_difference("along", d.along);
     validate_difference("across", d.across);
-    for (std::size_t i = 0; i < d.beside.size(); ++i) validate_face("beside[" + std::to_string(i) + "]", d.beside[i]);
+    for (std::size_t i = 0; i < d.beside.size(); ++i)
+      validate_difference("beside[" + std::to_string(i) + "]", d.beside[i]);
     require_length("b", d.b, d.across.points, "one per point of a line (across.points)");
     require_length("n", d.n, d.across.points, "one per point of a line (across.points)");
     require_finite("b", d.b);
@@ -93,7 +88,7 @@ class KroneckerSystem final : public SystemOf<KroneckerDynamics> {
  private:
   Eigen::Map<const RowMatrix> lines(const Vector& x) const { return {x.data(), d.face_points(), d.across.points}; }
 
-  // Closed form: sine mode mu_l of the constrained side is a single grid line with the shift z - mu_l.
+  // Closed form: mode mu_l of the constrained side is a single grid line with the shift z - mu_l.
   ComplexMatrix solve_at(const ComplexVector& nodes, const HostThreads& threads) const override {
     const Vector mu = d.face_eigenvalues();
     const Index n = mu.size();
@@ -120,10 +115,10 @@ std::vector<SecondDifference> KroneckerDynamics::face() const {
   return directions;
 }
 
-std::vector<Index> KroneckerDynamics::face_extents() const {
-  std::vector<Index> extents;
-  for (const SecondDifference& direction : face()) extents.push_back(direction.points);
-  return extents;
+FaceBasis KroneckerDynamics::face_basis() const {
+  std::vector<LineBasis> directions;
+  for (const SecondDifference& direction : face()) directions.push_back(direction.basis().directions().front());
+  return FaceBasis(std::move(directions));
 }
 
 Index KroneckerDynamics::face_points() const {

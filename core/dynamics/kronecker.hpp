@@ -10,9 +10,9 @@ namespace bromwich {
 /// A Kronecker sum of second differences on a box, A = I ⊗ across + face ⊗ I, face = along ⊗ I + I ⊗ beside[0] + ..., B
 /// = I ⊗ b, N = I ⊗ n^T. The constraints are on one face of the box (one side of a rectangle), one for each grid line
 /// across it. State index = face index * across.points + position on the line; the face index counts points of `along`
-/// slowest and of the last direction of `beside` fastest. Sine transforms diagonalise the face, and the modes of one
-/// line what is left, so nothing of size m x m is ever formed. Ends of `across` may reflect; those of the other
-/// directions are Dirichlet ends, unless the direction has one point alone.
+/// slowest and of the last direction of `beside` fastest. Transforms of each direction diagonalise the face, sine
+/// transforms between Dirichlet ends and products with its modes elsewhere; the modes of one line diagonalise what is
+/// left. So nothing of size m x m is ever formed.
 struct KroneckerDynamics {
   SecondDifference along;                     ///< along the constrained side
   SecondDifference across;                    ///< points of one grid line, counted from the constrained face
@@ -21,7 +21,7 @@ struct KroneckerDynamics {
   std::vector<SecondDifference> beside = {};  ///< further directions of the face; empty: a rectangle
 
   std::vector<SecondDifference> face() const;  ///< all directions of the face
-  std::vector<Index> face_extents() const;     ///< their points
+  FaceBasis face_basis() const;                ///< their modes
   Index face_points() const;                   ///< n, the product of the extents
   Vector face_eigenvalues() const;             ///< n: the sums of one eigenvalue of each direction
 };

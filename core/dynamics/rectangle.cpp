@@ -12,6 +12,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
 #include <string>
 #include <utility>
 #include <vector>
@@ -19,6 +20,10 @@
 namespace bromwich {
 
 namespace {
+
+constexpr Index largest_dense = 512;  ///< sparse scenes of up to so many states are written out (core/solve/stages.cpp)
+constexpr Index most_products = 4096;  ///< points of a direction with a matrix of modes, which takes 128 MiB then
+constexpr double most_oblique = 1e3;   ///< of the factors of a symmetric form: three of sixteen digits
 
 double reflection(EndCondition end, double spacing) {
   return end ? (1 - *end * spacing / 2) / (1 + *end * spacing / 2) : 0;
@@ -65,14 +70,6 @@ SparseMatrix of_sides(const Rectangle& r, const Vector& near, const Vector& far)
   return found;
 }
 
-// The slowest first.
-std::vector<SparseMatrix> directions_of(const Rectangle& r) {
-  std::vector<SparseMatrix> directions{r.along.matrix()};
-  for (const GridLine& line : r.beside) directions.push_back(line.matrix());
-  directions.push_back(r.across.matrix());
-  return directions;
-}
-
 // The Kronecker sum of all directions.
 SparseMatrix sum_of(const Rectangle& r, const std::vector<SparseMatrix>& directions) {
   const Index m = r.states();
@@ -98,12 +95,55 @@ SecondDifference difference(const GridLine& line) {
           reflection(line.last, line.spacing)};
 }
 
+// T = D S D^{-1}, S symmetric: D_i/D_{i-1} = sqrt(T_{i,i-1}/T_{i-1,i}), and the mean of log D is 0.
+struct SymmetricLine {
+  SecondDifference difference;  ///< S
+  Vector factors;               ///< D
+};
+
+SymmetricLine symmetric_line(const GridLine& line) {
+  SecondDifference s = difference(line);
+  const double second = line.diffusivity / (line.spacing * line.spacing), half = line.advection / (2 * line.spacing);
+  const double off = std::sqrt((second - half) * (second + half)), ratio = std::sqrt((second + half) / (second - half));
+  s.diffusivity = off * line.spacing * line.spacing;
+  s.decay = 2 * (second - off);
+  s.first *= ratio;
+  s.last /= ratio;
+  const double middle = double(line.points - 1) / 2;
+  return {s, Vector::NullaryExpr(line.points, [&](Index i) { return std::pow(ratio, double(i) - middle); })};
+}
+
+bool advects(const GridLine& line) { return line.advection != 0; }
+
+// The slowest first.
+std::vector<GridLine> directions(const Rectangle& r) {
+  std::vector<GridLine> all{r.along};
+  all.insert(all.end(), r.beside.begin(), r.beside.end());
+  all.push_back(r.across);
+  return all;
+}
+
+template <class Which>
+bool any(const std::vector<GridLine>& lines, Which which) {
+  return std::any_of(lines.begin(), lines.end(), which);
+}
+
 // Moves a part of the rates from the face to the lines, so that both decay: fits of the kernel of a line need it.
 void balance(KroneckerDynamics& d) {
   const double of_face = d.face_eigenvalues().maxCoeff(), of_line = d.across.eigenvalues()[0];
   const double moved = of_line - (of_face + of_line) / 2;
   d.across.decay += moved;
   d.along.decay -= moved;
+}
+
+// With a line that decays, or nothing where the sum does not decay or the modes of the face are too large.
+std::optional<KroneckerDynamics> decaying(KroneckerDynamics d) {
+  for (const SecondDifference& direction : d.face())
+    if (!direction.has_sine_modes() && direction.points > most_products) return std::nullopt;
+  const double of_face = d.face_eigenvalues().maxCoeff(), of_line = d.across.eigenvalues()[0];
+  if (!(of_face + of_line < 0)) return std::nullopt;
+  if (of_line > (of_face + of_line) / 4) balance(d);
+  return d;
 }
 
 }  // namespace
@@ -140,20 +180,37 @@ Index Rectangle::lines() const {
 }
 
 std::optional<KroneckerDynamics> Rectangle::in_modes() const {
-  constexpr Index largest_dense = 512;  // sparse scenes of up to so many states are written out (core/solve/stages.cpp)
-  const auto sine = [](const GridLine& line) { return line.advection == 0 && !line.first && !line.last; };
-  const bool plain = sine(across) && reaction == 0;
-  if (across.advection != 0 || sides() == 2 || !std::all_of(beside.begin(), beside.end(), sine) || !sine(along))
-    return std::nullopt;
+  const std::vector<GridLine> all = directions(*this);
+  if (sides() == 2 || any(all, advects)) return std::nullopt;
+  const bool plain = reaction == 0 && !any(all, [](const GridLine& line) { return line.first || line.last; });
   if (!plain && states() <= largest_dense) return std::nullopt;
   KroneckerDynamics d{difference(along), difference(across), b, n};
   for (const GridLine& line : beside) d.beside.push_back(difference(line));
   if (plain) return d;
   d.across.decay = reaction;
-  const double of_face = d.face_eigenvalues().maxCoeff(), of_line = d.across.eigenvalues()[0];
-  if (!(of_face + of_line < 0)) return std::nullopt;
-  if (of_line > (of_face + of_line) / 4) balance(d);
-  return d;
+  return decaying(std::move(d));
+}
+
+std::optional<SymmetricForm> Rectangle::symmetric_form() const {
+  const std::vector<GridLine> all = directions(*this);
+  if (sides() == 2 || states() <= largest_dense || !any(all, advects)) return std::nullopt;
+  std::vector<SecondDifference> differences;
+  Vector x = Vector::Ones(1), y;
+  for (const GridLine& line : all) {
+    const auto [symmetric, factors] = symmetric_line(line);
+    if (!(std::max(symmetric.first, symmetric.last) <= 1 && std::min(symmetric.first, symmetric.last) > -1))
+      return std::nullopt;
+    differences.push_back(symmetric);
+    y = x;
+    x = Vector((factors * y.transpose()).reshaped());
+  }
+  if (!(x.maxCoeff() <= most_oblique * x.minCoeff())) return std::nullopt;
+  const Vector factors = symmetric_line(across).factors;
+  KroneckerDynamics d{differences.front(), differences.back(), b.cwiseQuotient(factors), n.cwiseProduct(factors)};
+  d.beside.assign(differences.begin() + 1, differences.end() - 1);
+  d.across.decay += reaction;
+  auto modes = decaying(std::move(d));
+  return modes ? std::optional(SymmetricForm{std::move(*modes), x, y}) : std::nullopt;
 }
 
 void Rectangle::validate() const {
@@ -172,11 +229,15 @@ std::shared_ptr<LinearSystem> linear_system(Rectangle r) {
   r.validate();
   if (!r.written_out)
     if (auto modes = r.in_modes()) return linear_system(std::move(*modes));
-  const std::vector<SparseMatrix> directions = directions_of(r);
-  SparseDynamics d{sum_of(r, directions), of_sides(r, r.b, r.far_b),
-                   SparseMatrix(of_sides(r, r.n, r.far_n).transpose()), SparseMatrix()};
-  if (auto modes = GridModes::of(directions, r.reaction)) return std::make_shared<GridSystem>(std::move(d), modes);
-  return linear_system(std::move(d));
+  std::vector<SparseMatrix> matrices;
+  for (const GridLine& line : directions(r)) matrices.push_back(line.matrix());
+  SparseDynamics d{sum_of(r, matrices), of_sides(r, r.b, r.far_b), SparseMatrix(of_sides(r, r.n, r.far_n).transpose()),
+                   SparseMatrix()};
+  auto modes = GridModes::of(matrices, r.reaction);
+  auto form = r.written_out ? std::nullopt : r.symmetric_form();
+  if (!modes && !form) return linear_system(std::move(d));
+  return std::make_shared<GridSystem>(std::move(d), std::move(modes), Vector(),
+                                      form ? std::make_shared<const SymmetricForm>(std::move(*form)) : nullptr);
 }
 
 }  // namespace bromwich

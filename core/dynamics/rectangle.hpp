@@ -1,6 +1,7 @@
 #pragma once
 // Diffusion, reaction and constant advection on a line, a rectangle or a box of grid points, for scenes of one's own.
 
+#include "grid_system.hpp"
 #include "kronecker.hpp"
 #include "linear_system.hpp"
 
@@ -49,15 +50,21 @@ struct Rectangle {
   Index lines() const;
   Index states() const { return lines() * across.points; }
   Index sides() const { return far_b.size() > 0 ? 2 : 1; }
-  /// KroneckerDynamics with the same A, or nothing. It takes diffusion without advection, Dirichlet ends of all sides
-  /// but the constrained and the opposite one, constraints on one side, and no growth. With other than Dirichlet ends
-  /// across, or a reaction, it pays above 512 states; smaller scenes are dense, which all methods take.
+  /// KroneckerDynamics with the same A, or nothing. It takes diffusion without advection, constraints on one side, and
+  /// no growth. With other than Dirichlet ends, or a reaction, it pays above 512 states; smaller scenes are dense,
+  /// which all methods take.
   std::optional<KroneckerDynamics> in_modes() const;
+  /// With constant advection: what makes the directions symmetric (SymmetricForm), or nothing. Its factors, along a
+  /// direction of length L from e^{-vL/(4c)} to e^{vL/(4c)}, differ by a thousand at most, that is three digits. An end
+  /// where material enters takes Dirichlet, or Robin with du/dn = -a u, a >= |v|/(2c) or a little less: less is a mode
+  /// that lives at this end.
+  std::optional<SymmetricForm> symmetric_form() const;
   /// Throws Error naming the first member whose value is wrong.
   void validate() const;
 };
 
-/// KroneckerDynamics where there are such (`in_modes`), SparseDynamics otherwise. Validates.
+/// KroneckerDynamics where there are such (`in_modes`), SparseDynamics otherwise, which `solve` brings to their
+/// symmetric form if they have one. Validates.
 std::shared_ptr<LinearSystem> linear_system(Rectangle);
 
 }  // namespace bromwich

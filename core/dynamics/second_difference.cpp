@@ -15,7 +15,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
+#include <mutex>
 #include <numbers>
+#include <utility>
+#include <vector>
 
 namespace bromwich {
 
@@ -79,6 +83,25 @@ Matrix SecondDifference::modes() const {
     for (Index i = 0; i < points; ++i) Q(i, k) = mode(i + 1);
   }
   return Q;
+}
+
+FaceBasis SecondDifference::basis() const {
+  if (has_sine_modes() || points == 1) return FaceBasis{points};
+  struct Known {
+    Index points;
+    double first, last;
+    std::weak_ptr<const Matrix> V;
+  };
+  static std::mutex mutex;
+  static std::vector<Known> all;
+  const std::lock_guard lock(mutex);
+  std::erase_if(all, [](const Known& known) { return known.V.expired(); });
+  for (const Known& known : all)
+    if (known.points == points && known.first == first && known.last == last)
+      if (auto V = known.V.lock()) return FaceBasis(std::vector<LineBasis>{{points, std::move(V)}});
+  const auto V = std::make_shared<const Matrix>(modes());
+  all.push_back({points, first, last, V});
+  return FaceBasis(std::vector<LineBasis>{{points, V}});
 }
 
 Vector SecondDifference::in_modes(const Vector& v) const {

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "../base/types.hpp"
+#include "../numerics/face_basis.hpp"
 
 namespace bromwich {
 
@@ -21,6 +21,8 @@ struct SecondDifference {
   Vector eigenvalues() const;
   /// Q, points x points: orthonormal eigenvectors in its columns, in the order of `eigenvalues`.
   Matrix modes() const;
+  /// The same as the basis of a direction. Bases in use are shared.
+  FaceBasis basis() const;
   /// Q^T v.
   Vector in_modes(const Vector& v) const;
 };

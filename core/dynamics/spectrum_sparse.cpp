@@ -121,6 +121,8 @@ Spectrum sparse_spectrum(const SparseMatrix& A, const SparseMatrix& E) {
   SparseMatrix mass = E;
   mass.makeCompressed();
   const Eigen::SparseLU<SparseMatrix> lu(mass);
+  if (lu.info() != Eigen::Success)
+    throw Error("E", "is singular", "eliminate the algebraic equations: E^{-1} A has no spectrum");
   const ComplexVector ritz = ritz_values(A.rows(), 0, [&](const Vector& x) { return Vector(lu.solve(Vector(A * x))); });
   s.radius = ritz.cwiseAbs().maxCoeff();
   const auto symmetric = [](const SparseMatrix& matrix) {

@@ -45,8 +45,9 @@ Vector Successor::touching(const EventPoint& p, bool y_is_known) const {
   return offset;
 }
 
-// The values of x, f and g, and the derivatives that the mode needs, at the begin of the next step.
-JetValues Successor::sources_at(const SwitchedMode& mode, const EventPoint& p) const {
+// The values of x, f and g, and the derivatives that the mode needs, at the begin of the next step. They are those of
+// polynomials, known to rounding of the largest values so far and on the step: `size`.
+JetValues Successor::sources_at(const SwitchedMode& mode, const EventPoint& p, JetValues& size) const {
   EventStep here;
   const double h = steps_.sample_resolved(mode, p, here);
   const Vector at = legendre(0);
@@ -55,6 +56,9 @@ JetValues Successor::sources_at(const SwitchedMode& mode, const EventPoint& p) c
   };
   const Index m = system_.states(), n = system_.constraints();
   const Matrix dg = Collocation::get().derivative * here.sources.g / h;
+  size = p.sizes.with(here);
+  size.x = size.x.cwiseMax(p.x.cwiseAbs());
+  size.dg = size.dg.cwiseMax(start(dg, n).cwiseAbs());
   return {p.x, start(here.sources.f, m), start(here.df, m), start(here.sources.g, n), start(dg, n), start(here.ddg, n)};
 }
 
@@ -92,13 +96,9 @@ bool Successor::may_jump(const SwitchedMode& mode, const JetValues& u, const Vec
 // Brings the state onto the constraints of the mode by an impulse.
 Successor::Entry Successor::enter(const SwitchedMode& mode, EventPoint& p, Impulses impulses) {
   if (mode.constraints.x.rows() == 0) return Entry::smooth;
-  const JetValues u = sources_at(mode, p);
+  JetValues size;
+  const JetValues u = sources_at(mode, p, size);
   const Vector off = evaluate(mode.constraints, u);
-  JetValues size = p.sizes.u;
-  size.x = size.x.cwiseMax(p.x.cwiseAbs());
-  size.f = size.f.cwiseMax(u.f.cwiseAbs());
-  size.g = size.g.cwiseMax(u.g.cwiseAbs());
-  size.dg = size.dg.cwiseMax(u.dg.cwiseAbs());
   const Vector of = terms(mode.constraints, size);
   const Vector impulse = mode.impulse * off;
   const bool jumps = ((off.cwiseAbs() - 30 * steps_.noise() * of).array() > 0).any();

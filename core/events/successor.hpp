@@ -51,7 +51,7 @@ class Successor {
 
   const SwitchedMode* mode_of(const std::vector<Index>& active);
   Vector touching(const EventPoint&, bool y_is_known) const;
-  JetValues sources_at(const SwitchedMode&, const EventPoint&) const;
+  JetValues sources_at(const SwitchedMode&, const EventPoint&, JetValues& size) const;
   bool may_jump(const SwitchedMode&, const JetValues& u, const Vector& of, const Vector& impulse) const;
   bool is_limit_of_short_steps(const EventPoint&, const Vector& impulse) const;
   Entry enter(const SwitchedMode&, EventPoint&, Impulses);

@@ -29,9 +29,9 @@ double lowest_by_gershgorin(const SparseMatrix& M) {
 
 }  // namespace
 
-std::unique_ptr<FaceLcp> FaceLcp::make(const LcpMatrix& M, const std::vector<Index>& extents, const Vector& w0,
+std::unique_ptr<FaceLcp> FaceLcp::make(const LcpMatrix& M, const FaceBasis& basis, const Vector& w0,
                                        Transform transform) {
-  if (const auto stencil = stencil_of(M, extents)) return make(*stencil, w0, std::move(transform));
+  if (const auto stencil = stencil_in(basis, M)) return make(*stencil, w0, std::move(transform));
   const SparseMatrix* sparse = sparse_of(M);
   return sparse ? make(*sparse, w0, std::move(transform)) : nullptr;
 }
@@ -144,9 +144,9 @@ LcpOutcome FaceLcp::solve(const Vector& q, Vector& y) {
   now_ = (2 * last_ - before_).cwiseMax(0);
   to_padded(now_, y_);
   while (!outcome.solved && outcome.newton < most_products) {
-    transform_(now_.data(), modes_.data());
+    transform_(Way::to_modes, now_.data(), modes_.data());
     modes_.array() *= w0_.array() - shift_;
-    transform_(modes_.data(), right_.data());
+    transform_(Way::to_points, modes_.data(), right_.data());
     right_ += q;
     to_padded(right_, q_);
     for (int k = 0; k < relaxations; ++k) relax();

@@ -1,6 +1,6 @@
 #pragma once
 // The complementarity problem of a marching step on a face, 0 <= y  ⊥  (M + W_0) y + q >= 0, M a stencil or another
-// sparse symmetric matrix, and W_0 = S diag(w0) S in sine modes:
+// sparse symmetric matrix, and W_0 = V diag(w0) V^T in modes:
 //
 //     y <- sweeps of LCP(M + D I, q + W_0 y - D y),
 //
@@ -21,13 +21,12 @@ namespace bromwich::host {
 
 class FaceLcp {
  public:
-  /// out = S in, for n values each.
-  using Transform = std::function<void(const double* in, double* out)>;
+  /// out = V^T in or V in, for n values each.
+  using Transform = std::function<void(Way, const double* in, double* out)>;
 
   /// Nothing where M is dense or not symmetric, M + W_0 is not known to be positive definite, or the iteration
   /// contracts slowly.
-  static std::unique_ptr<FaceLcp> make(const LcpMatrix& M, const std::vector<Index>& extents, const Vector& w0,
-                                       Transform transform);
+  static std::unique_ptr<FaceLcp> make(const LcpMatrix& M, const FaceBasis&, const Vector& w0, Transform transform);
 
   void start_from(const Vector& y);
   LcpOutcome solve(const Vector& q, Vector& y);

@@ -4,7 +4,6 @@
 
 #include "core/base/denormals.hpp"
 #include "core/host/stage_steps.hpp"
-#include "core/numerics/sine_basis.hpp"
 
 #include <cmath>
 
@@ -16,7 +15,7 @@ class Stages {
  public:
   explicit Stages(const StageProblem& p) : problem_(p), asked_to_stop_(p), rows_(p.g.rows()), steps_(p) {
     if (!p.modal) return;
-    S_ = sine_matrix(p.modal->along.size());
+    V_ = p.modal->face.matrix();
     if (!p.components.empty()) across_ = p.modal->across;
   }
 
@@ -46,7 +45,7 @@ class Stages {
       out.y.row(j) = y.transpose();
       out.impulse.row(j) = steps_.length(j) * used->mean().transpose();
       x.swap(next);
-      record(x, j, out);
+      record(x, j, out, used);
     }
     if (problem_.modal) finish_modes(out);
     out.bytes = steps_.bytes();
@@ -69,28 +68,30 @@ class Stages {
   // N x of all rows from modes, and row 0 from x0 itself.
   void finish_modes(StageSolution& out) const {
     const Index valid = out.report.stopped >= 0 ? out.report.stopped : rows_;
-    if (valid > 0) out.v.topRows(valid) = (out.v.topRows(valid) * S_).eval();
+    if (valid > 0) out.v.topRows(valid) = (out.v.topRows(valid) * V_.transpose()).eval();
   }
 
-  void record(const Vector& x, Index j, StageSolution& out) const {
+  // `used`: the step to row j, null for row 0.
+  void record(const Vector& x, Index j, StageSolution& out, const Stepper* used = nullptr) const {
     if (problem_.modal) return record_modes(x, j, out);
-    if (problem_.poles && j > 0) return record_poles(x, j, out);
+    if (problem_.poles && used) return record_poles(x, j, *used, out);
     out.v.row(j) = observe(*problem_.dynamics, problem_.poles ? problem_.x0 : x).transpose();
     const Vector& state = problem_.poles ? problem_.x0 : x;
     for (std::size_t c = 0; c < problem_.components.size(); ++c) out.x(j, Index(c)) = state[problem_.components[c]];
   }
 
-  // U ζ + D (y, phi).
-  void record_poles(const Vector& x, Index j, StageSolution& out) const {
+  // N x from the problem of the step, and U ζ + D (y, phi) of the components.
+  void record_poles(const Vector& x, Index j, const Stepper& used, StageSolution& out) const {
     const PoleModel& model = *problem_.poles;
-    Vector seen = model.output * x + model.direct.leftCols(model.n) * out.y.row(j).transpose();
+    out.v.row(j) = used.seen_at_end().transpose() - problem_.g.row(j).tail(model.n);
+    if (model.components == 0) return;
+    const auto direct = model.direct.bottomRows(model.components);
+    Vector seen = model.output.bottomRows(model.components) * x + direct.leftCols(model.n) * out.y.row(j).transpose();
     if (problem_.phi.size() > 0) {
       const Index width = problem_.phi.cols() / problem_.stages;
-      seen +=
-          model.direct.middleCols(model.sources > 0 ? model.n : 0, width) * problem_.phi.row(j).tail(width).transpose();
+      seen += direct.middleCols(model.sources > 0 ? model.n : 0, width) * problem_.phi.row(j).tail(width).transpose();
     }
-    out.v.row(j) = seen.head(model.n).transpose();
-    out.x.row(j) = seen.tail(model.components).transpose();
+    out.x.row(j) = seen.transpose();
   }
 
   // v in modes, which are transformed at the end, and components of the state.
@@ -100,7 +101,7 @@ class Stages {
     const ModalStages& modal = *problem_.modal;
     const Index n = modal.along.size(), K = modal.rates.size();
     const Eigen::Map<const RowMatrix> z(x.data(), K, n);
-    const Matrix state = across_ * z * S_;  // positions x lines
+    const Matrix state = across_ * z * V_.transpose();  // positions x lines
     for (std::size_t c = 0; c < problem_.components.size(); ++c) {
       const Index i = problem_.components[c];
       out.x(j, Index(c)) = j == 0 ? problem_.x0[i] : state(i % K, i / K);
@@ -111,7 +112,7 @@ class Stages {
   Poll asked_to_stop_;
   Index rows_;
   StageSteps steps_;
-  Matrix S_, across_;  ///< sine matrices along and across the lines of a Kronecker sum
+  Matrix V_, across_;  ///< modes of the face and of the lines of a Kronecker sum
 };
 
 }  // namespace

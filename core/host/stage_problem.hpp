@@ -2,6 +2,7 @@
 
 #include "../dynamics/dynamics.hpp"
 #include "../lcp/matrix.hpp"
+#include "../numerics/face_basis.hpp"
 #include "pole_model.hpp"
 
 #include <functional>
@@ -15,6 +16,7 @@ namespace bromwich {
 /// Rates are the eigenvalues of a line, and z the state in modes, or fewer ones that represent the transfer function of
 /// a line (core/kernel/transfer_fit.hpp); the state is not known then.
 struct ModalStages {
+  FaceBasis face;        ///< V
   Vector along;          ///< n: mu
   Vector rates;          ///< K: s
   Vector input, output;  ///< K: i, o
@@ -46,6 +48,7 @@ struct StageProblem {
   SparseMatrix F;                 ///< m x k
   std::vector<Index> components;  ///< state components to record
   bool substitutes_euler = true;  ///< steps in which the state jumps are taken by implicit Euler
+  bool jumps_at_start = false;    ///< x0 violates the constraints
   std::function<bool()> interrupted;            ///< polled from time to time; true ends the march
   std::function<void(Index step)> progress;     ///< called from time to time
   std::shared_ptr<const PoleModel> poles = {};  ///< instead of the state of the dynamics

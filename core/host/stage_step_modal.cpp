@@ -1,14 +1,13 @@
-// A step of a Kronecker sum in sine modes. All rates of all modes are scalar problems x' = lambda x + u:
+// A step of a Kronecker sum in modes. All rates of all modes are scalar problems x' = lambda x + u:
 //
 //     X_i = see_i x + Σ_k reach_ik u_k,   see_i = Re' (v_i start/h) / (mu/h - lambda),   reach_ik = Re' v_i w_k / (...)
 //
 // with Re' z = 2 Re z for two stages and z for one (core/host/stage_coefficients.hpp). Values of constraints are
-// transformed by one product with the sine matrix for all stages.
+// transformed by one product with the modes of the face for all stages.
 
 #include "core/base/error.hpp"
 #include "core/host/stage_coefficients.hpp"
 #include "core/host/stage_step.hpp"
-#include "core/numerics/sine_basis.hpp"
 
 #include <cmath>
 
@@ -25,11 +24,11 @@ class ModalStageStep final : public StageStep {
       : modal_(*p.modal),
         n_(modal_.along.size()),
         K_(modal_.rates.size()),
-        S_(sine_matrix(n_)),
+        V_(modal_.face.matrix()),
         g_(last_stages(p.g, p.stages, s, rows)),
         phi_(last_stages(p.phi, p.stages, s, rows)) {
     for (Index i = 0; i < s && phi_.size() > 0; ++i)
-      phi_.middleCols(i * n_, n_) = (phi_.middleCols(i * n_, n_) * S_).eval();
+      phi_.middleCols(i * n_, n_) = (phi_.middleCols(i * n_, n_) * V_).eval();
     const Coefficients<Scalar> c;
     for (Index i = 0; i < s; ++i) {
       see_[i].resize(K_, n_);
@@ -52,7 +51,7 @@ class ModalStageStep final : public StageStep {
     implicit_.resize(s * n_, s * n_);
     for (Index i = 0; i < s; ++i)
       for (Index j = 0; j < s; ++j)
-        implicit_.block(i * n_, j * n_, n_, n_) = S_ * implicit.row(i * s + j).asDiagonal() * S_;
+        implicit_.block(i * n_, j * n_, n_, n_) = V_ * implicit.row(i * s + j).asDiagonal() * V_.transpose();
   }
 
   void free(const Vector& x, Index j, Vector& q, Vector& x_free) override {
@@ -72,19 +71,19 @@ class ModalStageStep final : public StageStep {
         for (Index k = 0; k < s; ++k)
           seen_.col(i).array() += in_modes_.row(i * s + k).transpose().array() * inputs_[k].array();
     }
-    q_.noalias() = S_ * seen_;
+    q_.noalias() = V_ * seen_;
     q = g_.row(j).transpose() + Eigen::Map<const Vector>(q_.data(), s * n_);
   }
 
   void drive(const Vector& y, Vector& x_free) const override {
-    q_.noalias() = S_ * Eigen::Map<const Matrix>(y.data(), n_, s);
+    q_.noalias() = V_.transpose() * Eigen::Map<const Matrix>(y.data(), n_, s);
     for (Index i = 0; i < s; ++i) inputs_[i] = q_.col(i);
     add_inputs(x_free);
   }
 
   const Matrix& implicit_part() const override { return implicit_; }
   std::size_t bytes() const override {
-    return sizeof(double) * std::size_t(2 * s * K_ * n_ + S_.size() + implicit_.size() + g_.size() + phi_.size());
+    return sizeof(double) * std::size_t(2 * s * K_ * n_ + V_.size() + implicit_.size() + g_.size() + phi_.size());
   }
 
  private:
@@ -96,7 +95,7 @@ class ModalStageStep final : public StageStep {
 
   const ModalStages& modal_;
   Index n_, K_;
-  Matrix S_;
+  Matrix V_;
   RowMatrix g_, phi_;  ///< phi in modes
   RowMatrix see_[s], drive_[s];
   Matrix in_modes_, implicit_, seen_;

@@ -7,6 +7,8 @@
 #include "core/host/stage_coefficients.hpp"
 #include "core/host/stage_step.hpp"
 
+#include <algorithm>
+
 namespace bromwich::host {
 
 namespace {
@@ -42,10 +44,12 @@ class PoleStageStep final : public StageStep {
   void free(const Vector& x, Index j, Vector& q, Vector& x_free) override {
     q = g_.row(j).transpose();
     for (Index i = 0; i < s; ++i) {
-      x_free = see_[i].matrix().cwiseProduct(x);
-      for (Index k = 0; k < s && phi_.size() > 0; ++k) add_sources(j, k, reach_[i][k], x_free);
-      q.segment(i * n_, n_).noalias() += U_ * x_free;
-      if (phi_.size() == 0) continue;
+      Vector& Z = i + 1 < s ? first_ : x_free;
+      Z = see_[i].matrix().cwiseProduct(x);
+      for (Index k = 0; k < s && phi_.size() > 0; ++k) add_sources(j, k, reach_[i][k], Z);
+    }
+    add_outputs(x_free, q);
+    for (Index i = 0; i < s && phi_.size() > 0; ++i) {
       const Index width = phi_.cols() / s;
       q.segment(i * n_, n_).noalias() +=
           model_.direct.block(0, through_y_ ? 0 : n_, n_, width) * phi_.row(j).segment(i * width, width).transpose();
@@ -66,6 +70,17 @@ class PoleStageStep final : public StageStep {
   }
 
  private:
+  static constexpr Index panel = 64;  ///< columns of U that the cache keeps for the next stage
+
+  // q_i += U Z_i. U, which is larger than the caches, is read once for all stages.
+  void add_outputs(const Vector& last, Vector& q) const {
+    for (Index r = 0; r < U_.cols(); r += panel) {
+      const Index count = std::min(panel, U_.cols() - r);
+      for (Index i = 0; i < s; ++i)
+        q.segment(i * n_, n_).noalias() += U_.middleCols(r, count) * (i + 1 < s ? first_ : last).segment(r, count);
+    }
+  }
+
   void add(const Vector& inputs, Index first, Index last, const Eigen::ArrayXd& reach, Vector& x) const {
     for (Index r = first; r < last; ++r) x[r] += reach[r] * inputs[model_.direction[std::size_t(r)]];
   }
@@ -99,6 +114,7 @@ class PoleStageStep final : public StageStep {
   RowMatrix g_, phi_;
   Eigen::ArrayXd see_[s], reach_[s][s];
   Matrix implicit_;
+  Vector first_;  ///< Z of the first of two stages
   mutable Vector p_;
 };
 

@@ -34,6 +34,7 @@ class Stepper {
   bool advance(const Vector& x, Index place, Index j, const std::vector<bool>& touching, Vector& next,
                MarchReport& report) {
     step_->free(x, place, q_, next);
+    free_ = q_.tail(M_.rows());
     if ((q_.array() >= 0).all()) {
       Y.setZero(q_.size());
       ++report.count.solved;
@@ -52,6 +53,12 @@ class Stepper {
   // Mean of y over the step, by the quadrature weights.
   Vector mean() const { return stages_ == 1 ? Y : Vector(0.75 * first_stage() + 0.25 * last_stage()); }
 
+  // N x + g at the end of the step.
+  Vector seen_at_end() const {
+    Vector seen = free_;
+    seen.noalias() += step_->implicit_part().bottomRows(M_.rows()) * Y;
+    return seen;
+  }
   // N x at the end of the step of y at the first of two stages alone.
   Vector seen_at_end(const Vector& y) const {
     const Index n = M_.rows();
@@ -99,7 +106,7 @@ class Stepper {
   Index stages_;
   Vector scale_;
   StepLcp lcp_;
-  Vector q_;
+  Vector q_, free_;  ///< free_: N x + g at the end of the step without y
 };
 
 /// Steps grouped by length: most have the length of the problem, some are parts of a step.

@@ -1,7 +1,5 @@
 #include "core/host/stage_steps.hpp"
 
-#include "core/numerics/sine_basis.hpp"
-
 #include <algorithm>
 #include <cmath>
 
@@ -12,6 +10,12 @@ namespace {
 constexpr double weight_of_first = 0.75;  ///< of the first stage at the end of the step
 constexpr double negligible = 1e-9;       ///< relative to the largest y of the step
 constexpr double much_more = 4;           ///< relative to y in steps without jumps
+
+// Whether two steps from x end at about the same state, beside what they move it by.
+bool end_alike(const Vector& x, const Vector& one, const Vector& other) {
+  constexpr double apart = 0.5;  // smooth decay by implicit Euler and by Radau IIA: 0.3 at most
+  return x.size() == 0 || (one - other).cwiseAbs().maxCoeff() <= apart * (other - x).cwiseAbs().maxCoeff();
+}
 
 }  // namespace
 
@@ -25,7 +29,7 @@ StageSteps::StageSteps(const StageProblem& p)
   touching.assign(std::size_t(p.g.cols() / p.stages), false);
   regular = Vector::Zero(p.g.cols() / p.stages);
   if (p.modal) {
-    S_ = sine_matrix(p.modal->along.size());
+    V_ = p.modal->face.matrix();
     rigid_.assign(touching.size(), p.modal->direct == 0 && diagonal(*p.M).isZero(0));
     return;
   }
@@ -94,7 +98,7 @@ bool StageSteps::moves(const Vector& y, const Stepper& step, double h, const Vec
                        const Vector& after) const {
   const auto state = [&](const Vector& x) {
     if (problem_.poles) return Vector(problem_.poles->output.topRows(NB_.rows()) * x);
-    return problem_.modal ? Vector(S_ * seen_in_modes(*problem_.modal, x)) : x;
+    return problem_.modal ? Vector(V_ * seen_in_modes(*problem_.modal, x)) : x;
   };
   Vector moved = h * (problem_.modal ? Vector(problem_.modal->direct * y) : Vector((problem_.poles ? NB_ : B_) * y));
   moved = moved.cwiseAbs();
@@ -118,13 +122,17 @@ const Stepper* StageSteps::take(const Vector& x, Index j, Vector& next, MarchRep
   const bool fine = main.advance(x, place, j, touching, next, report);
   if (problem_.stages == 1 || (fine && !problem_.substitutes_euler)) return fine ? &main : nullptr;
   impact_ = fine && impacts(main);
-  if (fine && !impact_ && !jumps(main, lengths_.size(kind), x, next)) return &main;
+  const bool regular_step = fine && !impact_ && !jumps(main, lengths_.size(kind), x, next);
+  // From a state that violates the constraints Radau IIA may jump onto others of them than implicit Euler.
+  const bool jumps_first = regular_step && j == 1 && problem_.jumps_at_start;
+  if (regular_step && !jumps_first) return &main;
   MarchReport by_euler = report;
   by_euler.stopped = by_euler.infeasible = -1;
   by_euler.count.unsolved = 0;
   other_.resize(x.size());
   Stepper& one_stage = stepper(1, kind);
   if (!one_stage.advance(x, place, j, touching, other_, by_euler)) return fine ? &main : nullptr;
+  if (jumps_first && end_alike(x, next, other_)) return &main;
   next.swap(other_);
   report = by_euler;
   ++report.jumps;

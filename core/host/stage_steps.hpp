@@ -50,7 +50,7 @@ class StageSteps {
   std::array<std::map<std::size_t, std::unique_ptr<Stepper>>, 2> others_;  ///< by kind; one-stage and two-stage
   Vector other_;
   SparseMatrix B_, NB_;  ///< E^{-1} B; N E^{-1} B of a model of poles
-  Matrix S_;             ///< sine matrix along the lines of a Kronecker sum
+  Matrix V_;             ///< modes of the face of a Kronecker sum
   std::vector<bool> rigid_;
   bool impact_ = false;
 };

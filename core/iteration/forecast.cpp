@@ -15,12 +15,12 @@ namespace {
 // ||F |W_d| ||_inf for F = <M>^{-1} or L I.
 Vector contraction_of_lags(const LcpMatrix& M, const LagTable& table, double L) {
   const Index n = table.outputs;
-  const Matrix S = table.modal ? face_sine_matrix(table.face.empty() ? std::vector<Index>{n} : table.face) : Matrix();
+  const Matrix V = table.modal ? table.basis().matrix() : Matrix();
   const std::optional<Matrix> inverse = inverse_comparison(M);
   Vector kappa(table.W.rows());
   for (Index d = 0; d < kappa.size(); ++d) {
     // The infinity norm of the nonnegative F |W_d| is its largest row sum.
-    const Matrix W = table.modal ? Matrix(S * table.W.row(d).asDiagonal() * S)
+    const Matrix W = table.modal ? Matrix(V * table.W.row(d).asDiagonal() * V.transpose())
                                  : Matrix(Eigen::Map<const RowMatrix>(table.W.row(d).data(), n, table.inputs));
     const Vector rows = W.cwiseAbs().rowwise().sum();
     const double by_norm = L * rows.maxCoeff();
@@ -62,7 +62,7 @@ double instant_contraction(const LcpMatrix& M, LcpClass lcp_class, const Vector&
 
 double instant_contraction(const LcpMatrix& M, LcpClass lcp_class, const Weights& weights, const RangeOfM& on) {
   if (const ModalRecurrence* modal = modal_recurrence_of(weights); modal && modal->face.size() > 1)
-    if (const auto stencil = stencil_of(M, modal->face)) {
+    if (const auto stencil = stencil_in(modal->face, M)) {
       const Vector of_M = stencil->eigenvalues();
       return of_M.minCoeff() > 0 ? modal->w0.cwiseAbs().cwiseQuotient(of_M).maxCoeff() : INFINITY;
     }

@@ -168,7 +168,7 @@ IterationOutcome iterate(const DiscreteProblem& p, const Options& options, const
   Timer timer, sweeps;
   // Short sweeps are recorded once; they then do all rows, since leaving out what has settled would save nothing.
   std::function<void()> sweep;
-  if (recordable && !lcp.at_once)
+  if (recordable && lcp.recorded)
     sweep = p.backend.record(y.rows() * y.cols(), [&] {
       apply(y, v, 0);
       lcp.submit(r, v, y, 0, settle);
@@ -262,7 +262,7 @@ class PreparedIteration final : public PreparedMethod {
                     op_.bytes_of_tables();
     kernel.transform_seconds = kernel.convolution_seconds = 0;
     const ApplyKernel apply = [&](const Array& in, Array& out, Index first) { kernel.apply(in, out, first); };
-    const IterationOutcome outcome = iterate(p_, options, apply, true, *lcp_, *r_, *y_, *v_, result);
+    const IterationOutcome outcome = iterate(p_, options, apply, kernel.recorded(), *lcp_, *r_, *y_, *v_, result);
     finish_iteration(p_, options, outcome, apply, *lcp_, *r_, *y_, *v_, result);
     result.seconds.transform = kernel.transform_seconds;
     result.seconds.convolution = kernel.convolution_seconds;

@@ -50,7 +50,7 @@ class LiteralKernel {
     points_.reserve(std::size_t(p.J));
     for (Index j = 1; j <= p.J; ++j) points_.emplace_back(backend_, dynamics, P, j, p.h);
     if (!modal_) return;
-    sine_ = backend_.face_transform(p.face(), p.J + 1);
+    face_ = backend_.face_transforms(p.face(), p.J + 1);
     modes_ = backend_.array(p.J + 1, n_);
     result_ = backend_.array(p.J + 1, n_);
   }
@@ -79,10 +79,10 @@ class LiteralKernel {
       backend_.upload(respond(u), v);
       return;
     }
-    sine_->apply(y, nullptr, *modes_, 0);
+    face_.to_modes->apply(y, nullptr, *modes_, 0);
     backend_.download(*modes_, u);
     backend_.upload(respond(u), *result_);
-    sine_->apply(*result_, nullptr, v, 0);
+    face_.to_points->apply(*result_, nullptr, v, 0);
   }
 
   std::size_t bytes() const {
@@ -94,7 +94,7 @@ class LiteralKernel {
   bool modal_;
   Index n_;
   std::vector<TimePoint> points_;
-  std::unique_ptr<SineTransform> sine_;
+  FaceTransforms face_;
   std::unique_ptr<Array> modes_, result_;
 };
 
@@ -105,7 +105,7 @@ RowMatrix literal_response(const DiscreteProblem& p, const LiteralKernel& kernel
   RowMatrix r = p.g.table(), part;
   if (p.modes()) {
     p.backend.upload(kronecker_initial_response(p), *in);
-    p.backend.face_transform(p.face(), rows)->apply(*in, nullptr, *out, 0);
+    p.backend.face_transform(p.face(), rows, Way::to_points)->apply(*in, nullptr, *out, 0);
     p.backend.download(*out, part);
     r += part;
   } else {

@@ -158,13 +158,13 @@ InitialProjection::InitialProjection(Backend& backend, const KroneckerDynamics& 
       P_(backend.array(P.rows(), P.cols())),
       values_(backend.array(P.rows(), dynamics.face_points())),
       modes_(backend.array(P.rows(), dynamics.face_points())),
-      sine_(backend.face_transform(dynamics.face_extents(), P.rows())) {
+      to_modes_(backend.face_transform(dynamics.face_basis(), P.rows(), Way::to_modes)) {
   backend.upload(P, *P_);
 }
 
 const Array& InitialProjection::operator()(const Vector& x0) {
   backend_.upload_projection(x0, *P_, *values_);
-  sine_->apply(*values_, nullptr, *modes_, 0);
+  to_modes_->apply(*values_, nullptr, *modes_, 0);
   return *modes_;
 }
 
@@ -197,7 +197,7 @@ ModalRecurrence compressed_recurrence(Backend& backend, const KroneckerDynamics&
   const Index n = dynamics.face_points(), K = sum.rates.size();
   const Vector mu = dynamics.face_eigenvalues();
   ModalRecurrence r;
-  r.face = dynamics.face_extents();
+  r.face = dynamics.face_basis();
   r.decay.resize(K, n);
   r.output.resize(K, n);
   r.start.resize(K, n);

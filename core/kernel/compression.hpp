@@ -38,7 +38,7 @@ class InitialProjection {
  private:
   Backend& backend_;
   std::unique_ptr<Array> P_, values_, modes_;
-  std::unique_ptr<SineTransform> sine_;
+  std::unique_ptr<RowTransform> to_modes_;
 };
 struct InitialFit {
   Vector missed;  ///< across.points: largest deviation between the samples

@@ -49,8 +49,8 @@ struct DiscreteProblem {
 
   const KroneckerDynamics* modes() const { return scene.dynamics->modes(); }
   const DenseDynamics* small_state() const { return scene.dynamics->small_state(); }
-  /// Extents of the sine transform of rows; empty without modes.
-  std::vector<Index> face() const { return modes() ? modes()->face_extents() : std::vector<Index>{}; }
+  /// Modes of the face; empty where the dynamics have none.
+  FaceBasis face() const { return modes() ? modes()->face_basis() : FaceBasis{}; }
   /// phi, f = B phi, as an input beside y; null if there is none.
   const SampledSource* drive() const { return scene.f_entry == SourceEntry::through_B && f.size() > 0 ? &f : nullptr; }
 };

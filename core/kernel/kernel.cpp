@@ -114,7 +114,7 @@ LagTable contour_lag_table(Backend& backend, const Dynamics& dynamics, const Con
   LagTable table;
   table.modal = dynamics->modes() != nullptr;
   table.outputs = table.inputs = constraints(dynamics);
-  if (table.modal) table.face = dynamics->modes()->face_extents();
+  if (table.modal) table.face = dynamics->modes()->face_basis();
   const Index width = table.modal ? table.outputs : table.outputs * table.inputs;
   table.W.resize(J + 1, width);
   table.S.resize(J + 1, width);

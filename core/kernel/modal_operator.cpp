@@ -17,7 +17,7 @@ namespace {
 /// A fit takes 20 or more exponentials; up to this many eigenvalues it would not halve their number.
 constexpr Index fewest_compressed = 40;
 
-// S N (discrete e^{A t_j}) x0 by stepping all modes; used if the recurrence cannot represent x0.
+// V^T N (discrete e^{A t_j}) x0 by stepping all modes; used if the recurrence cannot represent x0.
 RowMatrix stepped_initial_response(const DiscreteProblem& p, Rule rule) {
   const KroneckerDynamics& d = *p.modes();
   const Vector mu = d.face_eigenvalues(), nu = d.across.eigenvalues(), seen = d.across.in_modes(d.n);
@@ -31,12 +31,12 @@ RowMatrix stepped_initial_response(const DiscreteProblem& p, Rule rule) {
   return modes;
 }
 
-// g + S modes, on the host.
+// g + V modes, on the host.
 RowMatrix with_modes(const DiscreteProblem& p, const RowMatrix& values) {
   const auto modes = p.backend.array(values.rows(), values.cols()), r = p.backend.array(values.rows(), values.cols());
   p.backend.upload(values, *modes);
   upload(p.backend, p.g, *r);
-  p.backend.face_transform(p.face(), values.rows())->apply(*modes, r.get(), *r, 0);
+  p.backend.face_transform(p.face(), values.rows(), Way::to_points)->apply(*modes, r.get(), *r, 0);
   RowMatrix sum;
   p.backend.download(*r, sum);
   return sum;
@@ -87,7 +87,7 @@ class ModalOperator : public TimeOperator {
     RowMatrix modes = kronecker_initial_response(p_);
     modes.row(0).setZero();
     p_.backend.upload(modes, zero);
-    p_.backend.face_transform(p_.face(), r.rows())->apply(zero, &known, r, 0);  // g + S N e^{At} x0
+    p_.backend.face_transform(p_.face(), r.rows(), Way::to_points)->apply(zero, &known, r, 0);  // g + N e^{At} x0
     return 0;
   }
 

@@ -40,7 +40,8 @@ RowMatrix modal_states(const DiscreteProblem& p, Rule rule, const RowMatrix& y, 
   const KroneckerDynamics& d = *p.modes();
   const Index n = d.face_points(), K = d.across.points;
   const ModalStep step = modal_step(d, rule, p.h);
-  const RowMatrix u = face_modes(p.backend, p.face(), p.drive() ? RowMatrix(y + p.drive()->table()) : y);
+  const RowMatrix u =
+      transformed(p.backend, p.face(), p.drive() ? RowMatrix(y + p.drive()->table()) : y, Way::to_modes);
   std::vector<Index> positions;
   for (const Index c : components) positions.push_back(c % K);
   std::sort(positions.begin(), positions.end());
@@ -60,7 +61,7 @@ RowMatrix modal_states(const DiscreteProblem& p, Rule rule, const RowMatrix& y, 
     now.noalias() = observe * x;
     for (std::size_t i = 0; i < positions.size(); ++i) seen[i].row(j) = now.row(Index(i));
   }
-  for (RowMatrix& line : seen) line = face_modes(p.backend, p.face(), line);
+  for (RowMatrix& line : seen) line = transformed(p.backend, p.face(), line, Way::to_points);
 
   RowMatrix states(p.J + 1, Index(components.size()));
   for (std::size_t c = 0; c < components.size(); ++c) {

@@ -88,6 +88,7 @@ class PoleConvolution final : public Convolution {
     backend_.download(y, y_);
     backend_.upload(convolved(backend_, recurrence_, y_, 0, recurrence_.model->n), v);
   }
+  bool recorded() const override { return false; }
   std::size_t bytes() const override {
     return recurrence_.model->bytes() + sizeof(double) * std::size_t(2 * y_.size() + block * recurrence_.model->driven);
   }

@@ -40,7 +40,7 @@ ModalRecurrence modal_recurrence(const KroneckerDynamics& dynamics, Rule rule, d
   const Vector mu = dynamics.face_eigenvalues(), nu = dynamics.across.eigenvalues();
   const Vector b = dynamics.across.in_modes(dynamics.b), seen = dynamics.across.in_modes(dynamics.n);
   ModalRecurrence r;
-  r.face = dynamics.face_extents();
+  r.face = dynamics.face_basis();
   r.decay.resize(K, n);
   r.output.resize(K, n);
   r.start.resize(K, n);

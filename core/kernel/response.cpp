@@ -2,30 +2,28 @@
 
 namespace bromwich {
 
-RowMatrix row_modes(Backend& backend, const RowMatrix& rows) { return face_modes(backend, {rows.cols()}, rows); }
-
-RowMatrix face_modes(Backend& backend, const std::vector<Index>& extents, const RowMatrix& rows) {
+RowMatrix transformed(Backend& backend, const FaceBasis& basis, const RowMatrix& rows, Way way) {
   const auto in = backend.array(rows.rows(), rows.cols()), out = backend.array(rows.rows(), rows.cols());
   backend.upload(rows, *in);
-  backend.face_transform(extents, rows.rows())->apply(*in, nullptr, *out, 0);
-  RowMatrix modes;
-  backend.download(*out, modes);
-  return modes;
+  backend.face_transform(basis, rows.rows(), way)->apply(*in, nullptr, *out, 0);
+  RowMatrix found;
+  backend.download(*out, found);
+  return found;
 }
 
 RowMatrix x0_in_modes(Backend& backend, const KroneckerDynamics& d, const Vector& x0, bool both) {
-  // S acts on rows, so transpose for the directions of the face.
+  // Transforms act on rows, so transpose for the directions of the face.
   const Eigen::Map<const RowMatrix> lines(x0.data(), d.face_points(), d.across.points);
-  const RowMatrix modes = face_modes(backend, d.face_extents(), lines.transpose()).transpose();
+  const RowMatrix modes = transformed(backend, d.face_basis(), lines.transpose(), Way::to_modes).transpose();
   return both ? in_line_modes(backend, d.across, modes) : modes;
 }
 
 RowMatrix in_line_modes(Backend& backend, const SecondDifference& across, const RowMatrix& lines) {
-  return across.has_sine_modes() ? row_modes(backend, lines) : RowMatrix(lines * across.modes());
+  return transformed(backend, across.basis(), lines, Way::to_modes);
 }
 
 RowMatrix from_line_modes(Backend& backend, const SecondDifference& across, const RowMatrix& modes) {
-  return across.has_sine_modes() ? row_modes(backend, modes) : RowMatrix(modes * across.modes().transpose());
+  return transformed(backend, across.basis(), modes, Way::to_points);
 }
 
 RowMatrix dense_states(const StepOperators& step, const Vector& x0, const RowMatrix& u, const StepDefects* defects) {

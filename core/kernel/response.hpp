@@ -1,17 +1,15 @@
 #pragma once
 // The part of w that does not depend on y, r(t) = N e^{At} x0 + ∫_0^t N e^{A(t-s)} f(s) ds + g(t), and x.
 
-#include "../numerics/sine_basis.hpp"
+#include "../numerics/face_basis.hpp"
 #include "../seam/backend.hpp"
 #include "recurrence.hpp"
 #include "step_defects.hpp"
 
 namespace bromwich {
 
-/// Every row transformed to the sine basis.
-RowMatrix row_modes(Backend&, const RowMatrix& rows);
-/// The same for rows that are indexed by several directions.
-RowMatrix face_modes(Backend&, const std::vector<Index>& extents, const RowMatrix& rows);
+/// Every row, values at the points of a face or coefficients of its modes, transformed.
+RowMatrix transformed(Backend&, const FaceBasis&, const RowMatrix& rows, Way);
 
 /// Rows of positions on a line across in its modes, and back.
 RowMatrix in_line_modes(Backend&, const SecondDifference& across, const RowMatrix& lines);

@@ -14,7 +14,7 @@ RowMatrix kronecker_response(const DiscreteProblem& p) {
   const Vector seen = d.across.in_modes(d.n);
   RowMatrix modes = RowMatrix::Zero(p.J + 1, d.face_points());
   each_rough_state(p, p.J, [&](Index j, const RowMatrix& x) { modes.row(j).noalias() = seen.transpose() * x; });
-  return face_modes(p.backend, p.face(), modes);
+  return transformed(p.backend, p.face(), modes, Way::to_points);
 }
 
 }  // namespace
@@ -51,7 +51,8 @@ RowMatrix modal_defect(const DiscreteProblem& p, const RoughStep& rough) {
   const std::vector<Matrix> pieces = beyond_linear(p, rough);
   for (std::size_t i = 0; i < pieces.size(); ++i) {
     const Matrix in_lines = p.f.shapes().size() > 0 ? Matrix(p.f.shapes() * pieces[i]) : pieces[i];
-    const RowMatrix c = face_modes(p.backend, p.face(), in_lines.transpose());  // the coefficients of e: 3 x n
+    // The coefficients of e: 3 x n.
+    const RowMatrix c = transformed(p.backend, p.face(), in_lines.transpose(), Way::to_modes);
     const double length = rough.pieces[i].length;
     for (Index k = 0; k < nu.size(); ++k)
       for (Index l = 0; l < mu.size(); ++l) {

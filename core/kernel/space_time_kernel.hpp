@@ -12,11 +12,11 @@ struct SweepOrder {
   bool before = false, behind = false;
 };
 
-/// v = K * y: S (modal convolution) S for a Kronecker sum, one convolution otherwise. Measures its seconds.
+/// v = K * y: V (modal convolution) V^T for a Kronecker sum, one convolution otherwise. Measures its seconds.
 class SpaceTimeKernel {
  public:
-  /// `face`: extents of the sine transform; empty: K is not applied in modes.
-  SpaceTimeKernel(Backend&, std::unique_ptr<Convolution>, const std::vector<Index>& face, Index rows, Index n);
+  /// `face`: empty: K is not applied in modes.
+  SpaceTimeKernel(Backend&, std::unique_ptr<Convolution>, const FaceBasis& face, Index rows, Index n);
 
   void apply(const Array& y, Array& v, Index first);
   /// The same for y = R y_fine on the grid with half the steps, where `fine` was last applied to y_fine; its modes are
@@ -24,6 +24,8 @@ class SpaceTimeKernel {
   void apply_injected(const SpaceTimeKernel& fine, const Array& y_fine, Array& y, Array& v);
   /// For a Kronecker sum; needs only the modes of the array that `fine` was last applied to.
   void apply_injected_modes(const SpaceTimeKernel& fine, Array& v);
+  /// Whether Backend::record can take it.
+  bool recorded() const { return convolution_->recorded(); }
   /// Whether `sweep` can be used with this batch.
   bool sweeps(const LcpBatch&) const;
   /// y <- SOL(M + D, r + v - D y) from row 1 on, `count` times, with v <- K y between them and where `order` says so.
@@ -41,7 +43,7 @@ class SpaceTimeKernel {
  private:
   Backend& backend_;
   std::unique_ptr<Convolution> convolution_, start_;
-  std::unique_ptr<SineTransform> sine_;
+  FaceTransforms face_;  ///< empty: K is not applied in modes
   std::unique_ptr<Array> y_modes_, v_modes_;
 };
 

@@ -54,7 +54,8 @@ std::map<Index, RowMatrix> rough_states(const DiscreteProblem& p, const std::vec
 
 Matrix kronecker_states_at(const DiscreteProblem& p, const RowMatrix& y, const std::vector<Index>& rows) {
   const KroneckerDynamics& d = *p.modes();
-  const RowMatrix u = face_modes(p.backend, p.face(), p.drive() ? RowMatrix(y + p.drive()->table()) : y);
+  const RowMatrix u =
+      transformed(p.backend, p.face(), p.drive() ? RowMatrix(y + p.drive()->table()) : y, Way::to_modes);
   const RowMatrix x0 = x0_in_modes(p.backend, d, p.scene.x0, true);
   const Vector mu = d.face_eigenvalues(), nu = d.across.eigenvalues();
   const std::vector<LagWindow> windows = lag_windows(*contour_parameters(0), p.h, p.J);
@@ -71,7 +72,7 @@ Matrix kronecker_states_at(const DiscreteProblem& p, const RowMatrix& y, const s
     for (Index l = 0; l < mu.size(); ++l) free.row(l).array() *= (p.t[j] * (nu.transpose().array() + mu[l])).exp();
     if (const auto more = rough.find(j); more != rough.end()) free += more->second;
     const RowMatrix lines = from_line_modes(p.backend, d.across, free) + lines_at(p, windows, u, j);
-    const RowMatrix grid = face_modes(p.backend, p.face(), lines.transpose()).transpose();
+    const RowMatrix grid = transformed(p.backend, p.face(), lines.transpose(), Way::to_points).transpose();
     x.col(Index(c)) = Eigen::Map<const Vector>(grid.data(), grid.size());
   }
   return x;

@@ -37,8 +37,8 @@ std::unique_ptr<SpaceTimeKernel> TimeOperator::kernel_of(const Weights& weights,
                      : table          ? p_.backend.convolution(*table, rows)
                      : by_fft(choice) ? p_.backend.convolution(lag_table(*recurrence, steps), rows)
                                       : p_.backend.convolution(*recurrence, rows);
-  return std::make_unique<SpaceTimeKernel>(p_.backend, std::move(convolution),
-                                           modal() ? p_.face() : std::vector<Index>{}, rows, n);
+  return std::make_unique<SpaceTimeKernel>(p_.backend, std::move(convolution), modal() ? p_.face() : FaceBasis{}, rows,
+                                           n);
 }
 
 bool scan_is_cheaper(double m, double n, double J) {

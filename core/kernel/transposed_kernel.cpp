@@ -19,12 +19,11 @@ bool is_modal(const Weights& weights) {
   return table ? table->modal : modal_recurrence_of(weights) != nullptr;
 }
 
-// Extents of the sine transform of rows; empty without modes.
-std::vector<Index> face(const Weights& weights) {
+// Empty without modes.
+FaceBasis face(const Weights& weights) {
   if (!is_modal(weights)) return {};
-  if (const ModalRecurrence* modal = modal_recurrence_of(weights)) return modal->extents();
-  const LagTable& table = *lag_table_of(weights);
-  return table.face.empty() ? std::vector<Index>{table.outputs} : table.face;
+  const ModalRecurrence* modal = modal_recurrence_of(weights);
+  return modal ? modal->basis() : lag_table_of(weights)->basis();
 }
 
 // Outputs and inputs of K.
@@ -92,7 +91,7 @@ RowMatrix reversed(const RowMatrix& u) {
 Weights transposed(const Weights& weights) {
   if (const LagTable* table = lag_table_of(weights)) return transposed_table(*table);
   if (const ModalRecurrence* modal = modal_recurrence_of(weights)) {
-    ModalRecurrence same = *modal;  // S diag S is symmetric
+    ModalRecurrence same = *modal;  // V diag V^T is symmetric
     same.initial.resize(0, 0);
     return Recurrence(std::move(same));
   }
@@ -116,12 +115,13 @@ TransposedKernel::TransposedKernel(Backend& backend, SharedWeights weights, Inde
 }
 
 Vector TransposedKernel::first_row(const RowMatrix& u) const {
-  const RowMatrix seen = is_modal(*weights_) ? face_modes(backend_, face(*weights_), u) : u;
+  const RowMatrix seen = is_modal(*weights_) ? transformed(backend_, face(*weights_), u, Way::to_modes) : u;
   const LagTable* table = lag_table_of(*weights_);
   const Vector sum =
       table ? sum_over_start(*table, seen)
             : std::visit([&](const auto& r) { return sum_over_start(r, seen); }, *recurrence_of(*weights_));
-  return is_modal(*weights_) ? Vector(face_modes(backend_, face(*weights_), sum.transpose()).transpose()) : sum;
+  if (!is_modal(*weights_)) return sum;
+  return transformed(backend_, face(*weights_), sum.transpose(), Way::to_points).transpose();
 }
 
 RowMatrix TransposedKernel::apply(const RowMatrix& u) {

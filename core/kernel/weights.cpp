@@ -48,7 +48,8 @@ Matrix first_weight(const Weights& weights) {
 }
 
 Vector first_row_sums(const Weights& weights) {
-  if (const ModalRecurrence* modal = modal_recurrence_of(weights); modal && modal->face.size() <= 1)
+  if (const ModalRecurrence* modal = modal_recurrence_of(weights);
+      modal && modal->face.size() <= 1 && modal->face.is_sine())
     return row_sums_in_modes(modal->w0);
   return first_weight(weights).cwiseAbs().rowwise().sum();
 }

@@ -90,6 +90,27 @@ std::optional<Stencil> stencil_of(const LcpMatrix& M, const std::vector<Index>& 
   return sparse ? of_entries(*sparse, extents) : std::nullopt;
 }
 
+std::optional<Stencil> stencil_in(const FaceBasis& basis, const LcpMatrix& M) {
+  auto stencil = stencil_of(M, basis.extents());
+  const auto zero = [](double b) { return b == 0; };
+  if (stencil && !basis.is_sine() && !std::all_of(stencil->beside.begin(), stencil->beside.end(), zero))
+    return std::nullopt;
+  return stencil;
+}
+
+std::optional<Vector> eigenvalues_in(const FaceBasis& basis, const LcpMatrix& matrix) {
+  const auto* dense = std::get_if<Matrix>(&matrix);
+  const auto stencil = stencil_in(basis, dense ? LcpMatrix(SparseLcpMatrix(dense->sparseView(0, 0))) : matrix);
+  if (stencil) return stencil->eigenvalues();
+  if (basis.size() != 1 || basis.is_sine()) return std::nullopt;
+  constexpr double rounding = 1e-12;
+  const SparseMatrix M = to_dense(matrix).sparseView(0, 0);
+  const Matrix V = basis.matrix(), MV = M * V;
+  const Vector values = V.cwiseProduct(MV).colwise().sum();
+  const double apart = (MV - V * values.asDiagonal()).cwiseAbs().maxCoeff();
+  return apart <= rounding * M.norm() ? std::optional(values) : std::nullopt;
+}
+
 double best_relaxation(const Stencil& s) {
   const double rho = s.jacobi_radius();
   return 2 / (1 + std::sqrt(std::max(0.0, 1 - rho * rho)));

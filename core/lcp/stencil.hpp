@@ -2,6 +2,7 @@
 // Matrices that are the same stencil at all points of a grid: a I + Σ_d b_d (neighbours in direction d), zero outside.
 // The sine modes of the grid diagonalise them.
 
+#include "../numerics/face_basis.hpp"
 #include "matrix.hpp"
 
 #include <optional>
@@ -23,6 +24,10 @@ struct Stencil {
 
 /// M as a stencil on a grid with these extents, or nothing.
 std::optional<Stencil> stencil_of(const LcpMatrix& M, const std::vector<Index>& extents);
+/// The same, if the modes of the grid diagonalise it: sine modes do, others only multiples of the identity.
+std::optional<Stencil> stencil_in(const FaceBasis&, const LcpMatrix& M);
+/// The eigenvalues of M in the order of the modes, or nothing where the modes do not diagonalise M.
+std::optional<Vector> eigenvalues_in(const FaceBasis&, const LcpMatrix& M);
 
 /// 2 / (1 + sqrt(1 - rho^2)), rho the Jacobi radius: the relaxation of successive over-relaxation for a symmetric
 /// stencil. rho < 1.

@@ -7,6 +7,7 @@
 #include <numeric>
 #include <optional>
 #include <set>
+#include <utility>
 
 namespace bromwich {
 
@@ -151,10 +152,41 @@ class JumpsAtPoints {
   double scale_ = 0;
 };
 
+// The grid of a march in stages while it is filled part by part.
+class GrowingGrid {
+ public:
+  explicit GrowingGrid(double start) : t_{start} { grid_.step = grid_.at = {0}; }
+
+  double end() const { return t_.back(); }
+
+  void add(Index step, const DyadicPart& part) {
+    grid_.lengths.push_back(part.length);
+    grid_.from.push_back(part.from);
+    grid_.to.push_back(part.to);
+    t_.push_back(part.end);
+    grid_.step.push_back(step);
+  }
+
+  // `jump`: the last two parts are brief ones, for a jump of g at the grid point.
+  void end_step(bool jump) {
+    grid_.at.push_back(Index(t_.size()) - 1);
+    if (jump) grid_.after.insert(grid_.after.end(), {grid_.at.back() - 1, grid_.at.back()});
+  }
+
+  StageGrid take() {
+    grid_.t = Eigen::Map<const Vector>(t_.data(), Index(t_.size()));
+    return std::move(grid_);
+  }
+
+ private:
+  StageGrid grid_;
+  std::vector<double> t_;
+};
+
 StageGrid steps_in_parts(const DiscreteProblem& p, Layers& layers, const Contacts& contacts) {
-  StageGrid grid{{}, {}, {}, {}, {0}, {0}, {}};
+  GrowingGrid grid(p.t[0]);
   JumpsAtPoints jumps(p);
-  std::vector<double> t{p.t[0]}, ends;
+  std::vector<double> ends;
   for (Index j = 1; j <= p.J; ++j) {
     const RoughStep* rough = p.sources ? p.sources->at(j) : nullptr;
     ends.clear();
@@ -168,25 +200,19 @@ StageGrid steps_in_parts(const DiscreteProblem& p, Layers& layers, const Contact
       divide_contact(contact->second, p.t[j - 1], p.h, ends);
     const bool jump = jumps.divide(j, ends);
     for (const double end : ends) {
-      grid.lengths.push_back(ends.size() == 1 ? p.h : end - t.back());
-      grid.from.push_back(t.back());
-      grid.to.push_back(end);
-      t.push_back(end);
-      grid.step.push_back(j);
+      const double begin = grid.end();
+      grid.add(j, {end, ends.size() == 1 ? p.h : end - begin, begin, end});
     }
-    grid.at.push_back(Index(t.size()) - 1);
-    if (jump) grid.after.insert(grid.after.end(), {grid.at.back() - 1, grid.at.back()});
+    grid.end_step(jump);
   }
-  grid.t = Eigen::Map<const Vector>(t.data(), Index(t.size()));
-  return grid;
+  return grid.take();
 }
 
 // The same with parts of few lengths.
 StageGrid steps_in_dyadic_parts(const DiscreteProblem& p, bool with_layers, const Contacts& contacts) {
-  StageGrid grid{{}, {}, {}, {}, {0}, {0}, {}};
+  GrowingGrid grid(p.t[0]);
   JumpsAtPoints jumps(p);
   DyadicParts parts(p, with_layers);
-  std::vector<double> t{p.t[0]};
   for (Index j = 1; j <= p.J; ++j) {
     std::vector<double> more;
     if (const auto contact = contacts.find(j); contact != contacts.end()) {
@@ -195,18 +221,10 @@ StageGrid steps_in_dyadic_parts(const DiscreteProblem& p, bool with_layers, cons
       more.pop_back();
     }
     const bool jump = jumps.jumps(j, p.h);
-    for (const DyadicPart& part : parts.of(j, more, jump)) {
-      grid.lengths.push_back(part.length);
-      grid.from.push_back(part.from);
-      grid.to.push_back(part.to);
-      t.push_back(part.end);
-      grid.step.push_back(j);
-    }
-    grid.at.push_back(Index(t.size()) - 1);
-    if (jump) grid.after.insert(grid.after.end(), {grid.at.back() - 1, grid.at.back()});
+    for (const DyadicPart& part : parts.of(j, more, jump)) grid.add(j, part);
+    grid.end_step(jump);
   }
-  grid.t = Eigen::Map<const Vector>(t.data(), Index(t.size()));
-  return grid;
+  return grid.take();
 }
 
 }  // namespace

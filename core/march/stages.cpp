@@ -168,6 +168,7 @@ std::shared_ptr<const ModalStages> modal_stages(const DiscreteProblem& p, Index 
                                                 const StageGrid& grid) {
   const KroneckerDynamics& d = *p.modes();
   auto modal = std::make_shared<ModalStages>();
+  modal->face = p.face();
   modal->along = d.face_eigenvalues();
   modal->direct = d.n.dot(d.b);
   const Vector nu = d.across.eigenvalues();
@@ -248,6 +249,7 @@ void solve_by_stages(const DiscreteProblem& p, Index stages, const InnerOptions&
   StageGrid grid = make_grid(p, stages, options.compares_grids);
   Given given;
   state_problem(p, grid, stages, options, given);
+  given.problem.jumps_at_start = start == Start::impulse;
   if (grid.lengths.empty()) given.problem.poles = std::move(poles);
   result.seconds.setup += timer.lap();
   const Vector y0 = result.y.row(0).transpose();

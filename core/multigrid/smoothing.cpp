@@ -16,9 +16,9 @@ constexpr Index octave = 6;                         ///< frequencies in each hal
 constexpr Index candidates = 120;
 constexpr double least_diagonal = 0.05;  ///< M + D I keeps this part of the smallest eigenvalue of M
 
-// The eigenvalues 0 < M^_l of a stencil with neighbours <= 0, in the order of the sine modes.
-std::optional<Vector> eigenvalues(const LcpMatrix& matrix, const std::vector<Index>& extents) {
-  const std::optional<Stencil> stencil = stencil_of(matrix, extents);
+// The eigenvalues 0 < M^_l of a matrix without positive neighbours, in the order of the modes.
+std::optional<Vector> eigenvalues(const LcpMatrix& matrix, const FaceBasis& basis) {
+  const std::optional<Stencil> stencil = stencil_in(basis, matrix);
   if (!stencil || *std::max_element(stencil->beside.begin(), stencil->beside.end()) > 0) return std::nullopt;
   Vector values = stencil->eigenvalues();
   return values.minCoeff() > 0 ? std::optional(std::move(values)) : std::nullopt;
@@ -61,7 +61,7 @@ Row sum_of_weights(const Sample& r, Index steps) {
 }  // namespace
 
 std::optional<Smoothing> best_smoothing(const LcpMatrix& matrix, const ModalRecurrence& r, Index steps, double useful) {
-  const std::optional<Vector> all = eigenvalues(matrix, r.extents());
+  const std::optional<Vector> all = eigenvalues(matrix, r.basis());
   if (!all) return std::nullopt;
   const Index n = all->size(), modes = std::min(n, most_modes);
   // From the smoothest mode to the roughest one.

@@ -71,11 +71,11 @@ Coarsening choose_sweeps(const DiscreteProblem& p, TimeLevel& level, double kapp
 // solutions.
 std::unique_ptr<LcpBatch> smoother(const DiscreteProblem& p, TimeLevel& level) {
   const ModalRecurrence* modal = modal_recurrence_of(*level.weights);
-  const auto stencil = modal && sparse_of(p.scene.M) ? stencil_of(p.scene.M, modal->extents()) : std::nullopt;
+  const auto stencil = modal && sparse_of(p.scene.M) ? stencil_in(modal->basis(), p.scene.M) : std::nullopt;
   if (!stencil || level.sweeps == 0) return p.backend.shifted_lcp(p.scene.M, p.lcp_class, level.shift, level.steps + 1);
   level.passes = relaxation_sweeps;
   const ProjectedSweeps sweeps{sparse_of(p.scene.M), level.shift, best_relaxation(stencil->shifted(level.shift)),
-                               relaxation_sweeps, modal->extents()};
+                               relaxation_sweeps, modal->basis().extents()};
   return p.backend.projected_sweeps(sweeps, p.lcp_class, level.steps + 1);
 }
 

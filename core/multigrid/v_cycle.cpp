@@ -3,6 +3,7 @@
 #include "core/base/text.hpp"
 #include "core/base/timer.hpp"
 
+#include <algorithm>
 #include <utility>
 
 namespace bromwich {
@@ -11,7 +12,11 @@ VCycle::VCycle(Backend& backend, TimeLevels& levels, bool notes_sweep)
     : backend_(backend), levels_(levels), queued_(all_queue(levels)), notes_sweep_(notes_sweep) {
   recorded_.resize(levels_.size());
   const std::size_t last = levels_.size() - 1;
-  for (std::size_t l = 0; queued_ && l <= last; ++l) {
+  const auto can_be_recorded = [](const auto& level) {
+    return level->kernel->recorded() && (!level->lcp || level->lcp->recorded);
+  };
+  const bool records = queued_ && std::all_of(levels_.grids.begin(), levels_.grids.end(), can_be_recorded);
+  for (std::size_t l = 0; records && l <= last; ++l) {
     const Index values = levels_[l].y->rows() * levels_[l].y->cols();
     Recorded& recorded = recorded_[l];
     if (l < last) {

@@ -33,29 +33,4 @@ Matrix sine_matrix(Index n) {
   return S;
 }
 
-Matrix face_sine_matrix(const std::vector<Index>& extents) {
-  Matrix S = Matrix::Ones(1, 1);
-  for (const Index n : extents) {
-    const Matrix outer = S, inner = sine_matrix(n);
-    S.resize(outer.rows() * n, outer.cols() * n);
-    for (Index i = 0; i < outer.rows(); ++i)
-      for (Index j = 0; j < outer.cols(); ++j) S.block(i * n, j * n, n, n) = outer(i, j) * inner;
-  }
-  return S;
-}
-
-void to_face_modes(const std::vector<Index>& extents, double* values) {
-  Index outer = 1, inner = 1;
-  for (const Index n : extents) inner *= n;
-  for (const Index n : extents) {
-    const Matrix S = sine_matrix(n);
-    inner /= n;
-    for (Index i = 0; i < outer; ++i) {
-      Eigen::Map<RowMatrix> block(values + i * n * inner, n, inner);
-      block = (S * block).eval();
-    }
-    outer *= n;
-  }
-}
-
 }  // namespace bromwich

@@ -18,6 +18,7 @@ class Array {
   Index cols() const { return cols_; }
   /// Row by row, without gaps, where they lie in the memory of the host; null where they do not.
   double* host_values() { return host_values_; }
+  const double* host_values() const { return host_values_; }
   std::size_t bytes() const { return sizeof(double) * std::size_t(rows_) * std::size_t(cols_); }
 
  private:

@@ -1,7 +1,6 @@
 #include "core/seam/backend.hpp"
 
 #include "core/numerics/alternation.hpp"
-#include "core/numerics/sine_basis.hpp"
 
 #include <algorithm>
 #include <utility>
@@ -53,15 +52,16 @@ class SplitStages final : public Convolution {
 };
 
 // By products on the host.
-class HostFaceTransform final : public SineTransform {
+class HostFaceTransform final : public RowTransform {
  public:
-  HostFaceTransform(Backend& backend, std::vector<Index> extents) : backend_(backend), extents_(std::move(extents)) {}
+  HostFaceTransform(Backend& backend, FaceBasis basis, Way way)
+      : backend_(backend), basis_(std::move(basis)), way_(way) {}
 
   void apply(const Array& in, const Array* add, Array& out, Index first) override {
     RowMatrix values, sum;
     backend_.download(in, values);
     backend_.download(out, sum);
-    for (Index j = first; j < values.rows(); ++j) to_face_modes(extents_, values.row(j).data());
+    for (Index j = first; j < values.rows(); ++j) basis_.apply(way_, values.row(j).data());
     const Index rows = values.rows() - first;
     sum.bottomRows(rows) = values.bottomRows(rows);
     if (add) {
@@ -74,16 +74,24 @@ class HostFaceTransform final : public SineTransform {
 
  private:
   Backend& backend_;
-  std::vector<Index> extents_;
+  FaceBasis basis_;
+  Way way_;
 };
 
 }  // namespace
 
-std::unique_ptr<SineTransform> Backend::face_transform(const std::vector<Index>& extents, Index rows) {
-  if (extents.size() == 1) return sine_transform(extents[0], rows);
+std::unique_ptr<RowTransform> Backend::face_transform(const FaceBasis& basis, Index rows, Way way) {
+  if (basis.size() == 1 && basis.is_sine()) return sine_transform(basis.points(), rows);
   if (fused_.face_transform)
-    if (auto transform = fused_.face_transform(extents, rows)) return transform;
-  return std::make_unique<HostFaceTransform>(*this, extents);
+    if (auto transform = fused_.face_transform(basis, rows, way)) return transform;
+  return std::make_unique<HostFaceTransform>(*this, basis, way);
+}
+
+FaceTransforms Backend::face_transforms(const FaceBasis& basis, Index rows) {
+  FaceTransforms both;
+  both.to_modes = face_transform(basis, rows, Way::to_modes);
+  both.to_points = basis.is_sine() ? both.to_modes : face_transform(basis, rows, Way::to_points);
+  return both;
 }
 
 std::unique_ptr<LcpBatch> Backend::projected_sweeps(const ProjectedSweeps& sweeps, LcpClass lcp_class, Index rows) {

@@ -24,6 +24,14 @@ struct DeviceInfo {
 
 using StageWeights = const Weights* const (&)[2][2];
 
+/// Both ways between the points of a face and its modes. With sine modes they are one plan.
+struct FaceTransforms {
+  std::shared_ptr<RowTransform> to_modes, to_points;
+
+  bool are_one() const { return to_modes == to_points; }
+  std::size_t bytes() const { return to_modes->bytes() + (are_one() ? 0 : to_points->bytes()); }
+};
+
 class Backend : public HostThreads {
  public:
   explicit Backend(std::string name, const BackendTraits& traits = {}, int ranks = 1)
@@ -54,7 +62,7 @@ class Backend : public HostThreads {
   virtual void add(const Array& b, double s, const Array& c, Array& a) = 0;
   virtual std::unique_ptr<Differences> differences(std::size_t slots) = 0;
 
-  virtual std::unique_ptr<SineTransform> sine_transform(Index n, Index rows) = 0;
+  virtual std::unique_ptr<RowTransform> sine_transform(Index n, Index rows) = 0;
   /// The weights are read when the plan is made.
   virtual std::unique_ptr<Convolution> convolution(WeightsRef, Index rows) = 0;
   /// Solves y_j in SOL(M + D I, r_j + v_j - D y_j), with the given y on the right side (core/multigrid/smoothing.hpp).
@@ -103,8 +111,9 @@ class Backend : public HostThreads {
   /// Whether some column alternates over `run` consecutive rows: the second differences change sign from row to row,
   /// and each exceeds `part` times the largest value of the column.
   bool alternates(const Array& y, Index run, double part);
-  /// The sine transform of rows that are indexed by several directions, the fastest last: one product for each.
-  std::unique_ptr<SineTransform> face_transform(const std::vector<Index>& extents, Index rows);
+  /// Rows, values at the points of a face or coefficients of its modes, times V or V^T: one product for each direction.
+  std::unique_ptr<RowTransform> face_transform(const FaceBasis&, Index rows, Way);
+  FaceTransforms face_transforms(const FaceBasis&, Index rows);
   /// A batch of `sweeps`, or, where the backend has none, one that solves its problems (shifted_lcp).
   std::unique_ptr<LcpBatch> projected_sweeps(const ProjectedSweeps& sweeps, LcpClass, Index rows);
   /// A replay of the recorded operations, or empty (FusedOperations::record).

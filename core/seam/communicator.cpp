@@ -36,4 +36,20 @@ void Communicator::broadcast(double* values, Index count, int root) {
   do_broadcast(values, count, root);
 }
 
+void Communicator::shift(const std::vector<RowShift>& rows) {
+  for (const RowShift& one : rows)
+    if (rank() + 1 < size()) sent_.shifted += sizeof(double) * std::size_t(one.count * one.from->cols());
+  do_shift_rows(rows);
+}
+
+void Communicator::gather(const Array& values, Array& all) {
+  sent_.gathered += values.bytes() * std::size_t(size() - 1);
+  do_gather_rows(values, all);
+}
+
+void Communicator::broadcast(Array& rows, Index first, Index count, int root) {
+  if (rank() == root) sent_.broadcast += sizeof(double) * std::size_t(count * rows.cols() * (size() - 1));
+  do_broadcast_rows(rows, first, count, root);
+}
+
 }  // namespace bromwich

@@ -3,8 +3,10 @@
 // part of the values. Rank 0 comes first in time.
 
 #include "../base/types.hpp"
+#include "array.hpp"
 
 #include <cstddef>
+#include <vector>
 
 namespace bromwich {
 
@@ -13,6 +15,14 @@ struct Traffic {
   std::size_t shifted = 0, gathered = 0, compared = 0, broadcast = 0;
 
   std::size_t all() const { return shifted + gathered + compared + broadcast; }
+};
+
+/// `count` rows of `from` that go to the next rank, and where the rows of the rank before go, as many, in `to`.
+struct RowShift {
+  const Array* from;
+  Index from_row;
+  Array* to;
+  Index to_row, count;
 };
 
 /// The operations that core needs of a job of several ranks. Calls wait for the ranks that they need.
@@ -37,6 +47,16 @@ class Communicator {
   /// The values of rank `root` on all ranks.
   void broadcast(double* values, Index count, int root);
 
+  /// Whether rows of arrays travel from device to device, in the order of the stream of their backend: the calls below
+  /// return before that. They need it; where it is false, rows go through the host (core/slabs).
+  virtual bool moves_rows() const { return false; }
+  /// Like `shift`, of all these rows. The last rank sends nothing, and the first one keeps its rows.
+  void shift(const std::vector<RowShift>&);
+  /// Row r of `all` <- the one row of `values` of rank r.
+  void gather(const Array& values, Array& all);
+  /// Rows first .. first + count - 1 of rank `root` on all ranks.
+  void broadcast(Array& rows, Index first, Index count, int root);
+
   /// Of this rank, since it was made.
   const Traffic& sent() const { return sent_; }
 
@@ -45,6 +65,9 @@ class Communicator {
   virtual void do_gather(const Vector& values, RowMatrix& all) = 0;
   virtual void do_maximum(Vector& values) = 0;  ///< without NaN
   virtual void do_broadcast(double* values, Index count, int root) = 0;
+  virtual void do_shift_rows(const std::vector<RowShift>&) {}
+  virtual void do_gather_rows(const Array&, Array&) {}
+  virtual void do_broadcast_rows(Array&, Index, Index, int) {}
 
   const int rank_, size_;
   Traffic sent_;

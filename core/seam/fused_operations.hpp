@@ -5,6 +5,7 @@
 #include "../host/step_chain.hpp"
 #include "array.hpp"
 #include "recurrence.hpp"
+#include "slab_operations.hpp"
 
 #include <functional>
 #include <memory>
@@ -12,11 +13,7 @@
 
 namespace bromwich {
 
-class Convolution;
-class LcpBatch;
 class SceneMarch;
-class SineTransform;
-struct ProjectedSweeps;
 struct SceneMarchProblem;
 
 /// Optional operations of a backend: one kernel replaces several operations, or the device replaces the host. An empty
@@ -33,14 +30,15 @@ struct FusedOperations {
                      Array& coarse_y, Array& old)>
       restrict_problem;
   std::function<bool(const Array& y, Index run, double part)> alternates;
-  /// These two may return null, for extents and stencils that they do not take.
-  std::function<std::unique_ptr<SineTransform>(const std::vector<Index>& extents, Index rows)> face_transform;
+  /// These two may return null, for bases and stencils that they do not take.
+  std::function<std::unique_ptr<RowTransform>(const FaceBasis&, Index rows, Way)> face_transform;
   std::function<std::unique_ptr<LcpBatch>(const ProjectedSweeps&, Index rows)> projected_sweeps;
   std::function<std::unique_ptr<StepChain>(const StepChainProblem&)> step_chain;
   std::function<std::unique_ptr<AffineChain>(const AffineChainSizes&)> affine_chain;
   std::function<ComplexMatrix(const Dynamics&, const ComplexVector& nodes)> resolvent;
   /// For at most so many scenes at a time (scene_march.hpp). Returns null for problems that it does not take.
   std::function<std::unique_ptr<SceneMarch>(const SceneMarchProblem&, Index scenes)> scene_march;
+  SlabOperations slabs;
 };
 
 /// The lower triangular matrix that a sweep over both stages of a step divides by (Backend::sweep_stages).

@@ -23,8 +23,9 @@
 
 namespace bromwich {
 
-/// The symmetric orthonormal sine matrix S_ik = sqrt(2/(n+1)) sin(pi i k/(n+1)), S S = I, applied to rows.
-class SineTransform : public Plan {
+/// An orthonormal matrix applied to rows. Sine transforms have S_ik = sqrt(2/(n+1)) sin(pi i k/(n+1)), S = S^T =
+/// S^{-1}.
+class RowTransform : public Plan {
  public:
   /// out = S in, row by row; with `add`, out = add + S in. `out` must not alias `in`; it may alias `add`.
   virtual void apply(const Array& in, const Array* add, Array& out, Index first) = 0;
@@ -36,6 +37,8 @@ class Convolution : public Plan {
   /// `v` must not alias `y`. Rows of y and v before `first` must be those of the previous call. The same values may be
   /// written to those rows of v again.
   virtual void apply(const Array& y, Array& v, Index first) = 0;
+  /// Whether Backend::record can take it.
+  virtual bool recorded() const { return true; }
 
   /// Optional, for a modal recurrence with an `initial`: from now on x0 contributes Σ_k D_k E_k^j to row j >= 1 of each
   /// mode, D: K x n. Empty: another x0 needs another plan.
@@ -67,8 +70,9 @@ struct LcpReport {
 /// solution: the unique one (P), the least element (Z).
 class LcpBatch : public Plan {
  public:
-  /// `at_once`: `submit` returns after the work is finished, and cannot be recorded.
-  explicit LcpBatch(bool at_once) : at_once(at_once) {}
+  /// `at_once`: `submit` returns after the work is finished. `recorded`: Backend::record can take it.
+  LcpBatch(bool at_once, bool recorded) : at_once(at_once), recorded(recorded) {}
+  explicit LcpBatch(bool at_once) : LcpBatch(at_once, !at_once) {}
 
   /// Begins a batch. With a tolerance >= 0, `finish` must follow for this batch; a negative one leaves it to `collect`.
   virtual void submit(const Array& r, const Array& v, Array& y, Index first, double settle_tolerance) = 0;
@@ -86,12 +90,12 @@ class LcpBatch : public Plan {
   }
 
   /// Optional: `submit` without a tolerance, with S v in place of v if `v_in_modes`; then y_modes <- S y for the same
-  /// rows if not null. S is a transform of this backend. Empty where transform, batch, transform is faster.
-  std::function<void(SineTransform& S, const Array& r, const Array& v, bool v_in_modes, Array& y, Array* y_modes,
+  /// rows if not null. S is a sine transform of this backend. Empty where transform, batch, transform is faster.
+  std::function<void(RowTransform& S, const Array& r, const Array& v, bool v_in_modes, Array& y, Array* y_modes,
                      Index first)>
       submit_in_modes;
 
-  const bool at_once;
+  const bool at_once, recorded;
 };
 
 /// A batch whose `submit` does all the work.

@@ -1,7 +1,5 @@
 #include "core/seam/recurrence.hpp"
 
-#include "core/numerics/sine_basis.hpp"
-
 #include <algorithm>
 #include <cmath>
 #include <numbers>
@@ -11,9 +9,9 @@ namespace bromwich {
 // sin a sin b is a difference of cosines. Hence entry (i, j) is c(i-j) - c(i+j), a Toeplitz minus a Hankel matrix, with
 // c(d) = 1/(n+1) Σ_k w0_k cos(pi k d/(n+1)).
 Matrix implicit_part(const ModalRecurrence& r) {
-  if (r.face.size() > 1) {
-    const Matrix S = face_sine_matrix(r.face);
-    return S * r.w0.asDiagonal() * S;
+  if (r.face.size() > 1 || !r.face.is_sine()) {
+    const Matrix V = r.face.matrix();
+    return V * r.w0.asDiagonal() * V.transpose();
   }
   const Index n = r.modes(), period = 2 * (n + 1);
   Vector cosine(period), c = Vector::Zero(n + 2);

@@ -15,6 +15,7 @@
 
 #include "../base/types.hpp"
 #include "../host/pole_model.hpp"
+#include "../numerics/face_basis.hpp"
 
 #include <memory>
 #include <variant>
@@ -25,12 +26,14 @@ namespace bromwich {
 /// Lag weights: row d holds W_d; row j of S holds S_j, the weight of y_0.
 struct LagTable {
   Index outputs = 0, inputs = 0;
-  bool modal = false;  ///< true: W_d is diagonal and a row holds its n entries; false: n x k entries, row by row
-  RowMatrix W, S;      ///< (J+1) x n, or (J+1) x (n k); row 0 of S is zero
-  std::vector<Index> face = {};  ///< as of ModalRecurrence, if modal
+  bool modal = false;   ///< true: W_d is diagonal and a row holds its n entries; false: n x k entries, row by row
+  RowMatrix W, S;       ///< (J+1) x n, or (J+1) x (n k); row 0 of S is zero
+  FaceBasis face = {};  ///< as of ModalRecurrence, if modal
+
+  FaceBasis basis() const { return face.empty() ? FaceBasis{outputs} : face; }
 };
 
-/// One scalar convolution per sine mode, K real exponentials each. Matrices are K x n with the mode index contiguous.
+/// One scalar convolution per mode, K real exponentials each. Matrices are K x n with the mode index contiguous.
 struct ModalRecurrence {
   RowMatrix decay;
   RowMatrix output;
@@ -39,13 +42,12 @@ struct ModalRecurrence {
   Vector w0;          ///< n: W_0 per mode
   Vector w1;          ///< n: W_1 - Σ_k C_k, the part of lag 1 outside the exponentials
   Vector s1;          ///< n: the same for the weight of y_0
-  /// Points of the directions of a face, the fastest last; their product is n. Empty: a side of n points.
-  std::vector<Index> face = {};
+  /// Modes of a face of n points. Empty: sine modes of a side.
+  FaceBasis face = {};
 
   Index modes() const { return w0.size(); }
   Index exponentials() const { return decay.rows(); }
-  /// Extents of the sine transform between points and modes.
-  std::vector<Index> extents() const { return face.empty() ? std::vector<Index>{modes()} : face; }
+  FaceBasis basis() const { return face.empty() ? FaceBasis{modes()} : face; }
 };
 
 /// z is the state of the dynamics: E = e^{hA} or (I - hA)^{-1}.
@@ -94,7 +96,7 @@ inline WeightsRef weights_ref(const Recurrence& recurrence) {
 /// The part from stage b to stage a.
 ModalRecurrence part_of(const StageRecurrence&, int a, int b);
 
-/// W_0 = S diag(w0) S, n x n: the matrix that a marching step adds to M.
+/// W_0 = V diag(w0) V^T, n x n: the matrix that a marching step adds to M.
 Matrix implicit_part(const ModalRecurrence&);
 
 /// Growth rate of the weights per lag; 0 if they grow less than tenfold. The error of an FFT is relative to its largest

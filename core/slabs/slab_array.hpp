@@ -6,6 +6,7 @@
 
 #include <memory>
 #include <utility>
+#include <vector>
 
 namespace bromwich {
 
@@ -40,13 +41,21 @@ class HostRows {
   Index cols_;
 };
 
-/// A backend of this rank, and the other ranks.
+/// A backend of this rank, and the other ranks. "Here": in a local array.
 struct RankedBackend {
   Backend& local;
   Communicator& communicator;
 
   bool first() const { return communicator.rank() == 0; }
   bool last() const { return communicator.rank() + 1 == communicator.size(); }
+
+  /// Rows of local arrays, to and from the host.
+  RowMatrix rows_here(const Array&, Index first, Index count) const;
+  void put_rows_here(const RowMatrix&, Array&, Index first) const;
+  /// Communicator::shift and gather for local arrays, through the host where they have to.
+  void shift(const std::vector<RowShift>&) const;
+  void gather(const Array& values, Array& all) const;
+
   /// The row before the own ones, of one or more arrays of the same slabs, from the rank before.
   void copy_row_before(std::initializer_list<const Array*>) const;
   /// 0 in that row, so that sums and maxima over all rows here are those over the own ones.
@@ -55,8 +64,12 @@ struct RankedBackend {
   void download(const Array& from, RowMatrix& to) const;
   /// The first rows of an array, of which every rank has all values.
   void upload(const RowMatrix& from, Array& to) const;
-  /// Every `ratio`-th row on all ranks.
+  /// Every `ratio`-th row on all ranks: on the host, or in an array that all ranks have as a whole.
   RowMatrix every(const Array& from, Index ratio) const;
+  void collect(const Array& from, Index ratio, Array& whole) const;
+
+ private:
+  void download_from_devices(const Array& from, RowMatrix& to) const;
 };
 
 }  // namespace bromwich

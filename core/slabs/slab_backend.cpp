@@ -24,9 +24,10 @@ bool aligned(const Slabs& fine, const Slabs& coarse) {
 
 class SlabBackend final : public Backend {
  public:
-  SlabBackend(std::unique_ptr<Backend> local, Communicator& communicator)
+  SlabBackend(std::unique_ptr<Backend> local, Communicator& communicator, std::unique_ptr<Communicator> kept = nullptr)
       : Backend(local->name(), local->traits(), communicator.size()),
         local_(std::move(local)),
+        kept_(std::move(kept)),
         ranked_{*local_, communicator} {
     const FusedOperations& own = local_->fused();
     fused_.upload_product = [this](const RowMatrix& amplitudes, const Matrix& shapes, Array& to) {
@@ -35,9 +36,9 @@ class SlabBackend final : public Backend {
     fused_.restrict_problem = [this](const Array& r, const Array& v, const Array& y, const Array& coarse_v,
                                      Array& coarse_r, Array& coarse_y,
                                      Array& old) { restrict_here(r, v, y, coarse_v, coarse_r, coarse_y, old); };
-    fused_.face_transform = [this](const std::vector<Index>& extents, Index rows) {
+    fused_.face_transform = [this](const FaceBasis& basis, Index rows, Way way) {
       const Slabs slabs = slabs_for(rows);
-      return make_slab_transform(local_->face_transform(extents, slabs.rows()), slabs);
+      return make_slab_transform(local_->face_transform(basis, slabs.rows(), way), slabs);
     };
     fused_.projected_sweeps = [this](const ProjectedSweeps& sweeps, Index rows) -> std::unique_ptr<LcpBatch> {
       const Slabs slabs = slabs_for(rows);
@@ -45,6 +46,15 @@ class SlabBackend final : public Backend {
       auto batch = local_->fused().projected_sweeps(sweeps, slabs.rows());
       return batch ? make_slab_lcp(ranked_, std::move(batch), slabs) : nullptr;
     };
+    if (own.record && communicator.moves_rows())
+      fused_.record = [this](Index values, const std::function<void()>& operations) {
+        return local_->record(values / ranks(), operations);
+      };
+    if (own.upload_projection)
+      fused_.upload_projection = [this](const Vector& values, const Array& P, Array& to) {
+        upload_projection_here(values, P, to);
+      };
+    fused_.alternates = [this](const Array& y, Index run, double part) { return alternates_somewhere(y, run, part); };
     fused_.step_chain = own.step_chain;
     fused_.affine_chain = own.affine_chain;
     fused_.resolvent = [this](const Dynamics& dynamics, const ComplexVector& nodes) {
@@ -55,6 +65,7 @@ class SlabBackend final : public Backend {
 
   DeviceInfo device() const override {
     DeviceInfo info = local_->device();
+    info.memory *= ranks();  // arrays are divided
     info.detail += (info.detail.empty() ? "" : ", ") + std::to_string(ranks()) + " ranks";
     return info;
   }
@@ -75,14 +86,20 @@ class SlabBackend final : public Backend {
   void inject(const Array& fine, Array& coarse) override {
     const Slabs &from = slab(fine).slabs, &to = slab(coarse).slabs;
     if ((from.whole() && to.whole()) || aligned(from, to)) return local_->inject(local_part(fine), local_part(coarse));
-    ranked_.upload(ranked_.every(fine, from.steps / to.steps), coarse);
+    const Index ratio = from.steps / to.steps;
+    to.whole() ? ranked_.collect(fine, ratio, coarse) : ranked_.upload(ranked_.every(fine, ratio), coarse);
   }
 
   void interpolate(const Array& coarse, const Array* old, Array& fine) override {
     const Slabs &from = slab(coarse).slabs, &to = slab(fine).slabs;
     if (from.whole() && to.whole())
       return local_->interpolate(local_part(coarse), old ? &local_part(*old) : nullptr, local_part(fine));
-    if (!aligned(to, from)) return interpolate_rows(coarse, old, fine);
+    if (!aligned(to, from)) {
+      const SlabOperations& rows = local_->fused().slabs;
+      if (!rows || !from.whole()) return interpolate_rows(coarse, old, fine);
+      return rows.interpolate_rows(local_part(coarse), old ? &local_part(*old) : nullptr, to.steps / from.steps,
+                                   to.first(), local_part(fine));
+    }
     old ? ranked_.copy_row_before({&coarse, old}) : ranked_.copy_row_before({&coarse});
     local_->interpolate(local_part(coarse), old ? &local_part(*old) : nullptr, local_part(fine));
   }
@@ -92,7 +109,7 @@ class SlabBackend final : public Backend {
   }
   std::unique_ptr<Differences> differences(std::size_t slots) override { return make_slab_differences(ranked_, slots); }
 
-  std::unique_ptr<SineTransform> sine_transform(Index n, Index rows) override {
+  std::unique_ptr<RowTransform> sine_transform(Index n, Index rows) override {
     const Slabs slabs = slabs_for(rows);
     return make_slab_transform(local_->sine_transform(n, slabs.rows()), slabs);
   }
@@ -125,6 +142,7 @@ class SlabBackend final : public Backend {
       };
     }
     void apply(const Array& y, Array& v, Index first) override { plan_->apply(local_part(y), local_part(v), first); }
+    bool recorded() const override { return plan_->recorded(); }
     std::size_t bytes() const override { return plan_->bytes(); }
 
    private:
@@ -141,6 +159,23 @@ class SlabBackend final : public Backend {
     if (count <= 0) return;
     if (slabs.whole()) return local_->upload_product(amplitudes, shapes, local_part(to));
     local_->upload_product(amplitudes.middleRows(slabs.first(), count), shapes, local_part(to));
+  }
+
+  // Of arrays that every rank holds as a whole.
+  void upload_projection_here(const Vector& values, const Array& P, Array& to) {
+    if (slab(P).slabs.whole() && slab(to).slabs.whole())
+      return local_->upload_projection(values, local_part(P), local_part(to));
+    const Index k = P.rows(), m = P.cols();
+    RowMatrix weights(k, m);
+    ranked_.download(P, weights);
+    ranked_.upload(weights * Eigen::Map<const RowMatrix>(values.data(), to.cols(), m).transpose(), to);
+  }
+
+  // Within one slab; what rings does so for longer than a few rows at its ends.
+  bool alternates_somewhere(const Array& y, Index run, double part) {
+    Vector found = Vector::Constant(1, local_->alternates(local_part(y), run, part) ? 1 : 0);
+    if (!slab(y).slabs.whole()) ranked_.communicator.maximum(found);
+    return found[0] > 0;
   }
 
   void restrict_here(const Array& r, const Array& v, const Array& y, const Array& coarse_v, Array& coarse_r,
@@ -222,6 +257,7 @@ class SlabBackend final : public Backend {
   }
 
   std::unique_ptr<Backend> local_;
+  std::unique_ptr<Communicator> kept_;
   RankedBackend ranked_;
 };
 
@@ -229,6 +265,10 @@ class SlabBackend final : public Backend {
 
 std::unique_ptr<Backend> make_slab_backend(std::unique_ptr<Backend> local, Communicator& communicator) {
   return std::make_unique<SlabBackend>(std::move(local), communicator);
+}
+std::unique_ptr<Backend> make_slab_backend(std::unique_ptr<Backend> local, std::unique_ptr<Communicator> communicator) {
+  Communicator& ranks = *communicator;
+  return std::make_unique<SlabBackend>(std::move(local), ranks, std::move(communicator));
 }
 
 }  // namespace bromwich

@@ -11,5 +11,7 @@ namespace bromwich {
 
 /// `local` computes the slab of this rank. The communicator must outlive the backend.
 std::unique_ptr<Backend> make_slab_backend(std::unique_ptr<Backend> local, Communicator&);
+/// The backend keeps the communicator, which ends before `local`.
+std::unique_ptr<Backend> make_slab_backend(std::unique_ptr<Backend> local, std::unique_ptr<Communicator>);
 
 }  // namespace bromwich

@@ -5,21 +5,13 @@
 
 #include <algorithm>
 #include <type_traits>
+#include <utility>
+#include <vector>
 
 namespace bromwich {
 
 namespace {
 
-// The weights of one rank. Where row 0 is a copy of another rank's row, its part in the state comes by message, and lag
-// 1 outside of the exponentials is that of any row. x0 comes as a state too.
-ModalRecurrence of_rank(const ModalRecurrence& r, bool first) {
-  ModalRecurrence local = r;
-  local.initial.resize(0, 0);
-  if (first) return local;
-  local.start.setZero();
-  local.s1 = local.w1;
-  return local;
-}
 DenseRecurrence of_rank(const DenseRecurrence& r, bool first) {
   DenseRecurrence local = r;
   if (!first) local.start.setZero();
@@ -33,7 +25,8 @@ class SlabConvolution final : public Convolution {
 
   SlabConvolution(const RankedBackend& ranked, const Weights& weights, const Slabs& slabs)
       : ranked_(ranked), slabs_(slabs), state_(weights), added_to_(slabs.rows()) {
-    const Weights local = of_rank(weights, ranked.first());
+    Weights local = of_rank(weights, ranked.first());
+    if constexpr (modal) local.initial.resize(0, 0);  // x0 comes as a state
     plan_ = ranked.local.convolution(WeightsRef(&local), slabs.rows());
     const int ranks = ranked.communicator.size();
     Index shortest = slabs.steps;
@@ -59,6 +52,7 @@ class SlabConvolution final : public Convolution {
     added_to_ = state_.add(z, slabs_.rows() - 1, ranked_.local, out);
     out.put();
   }
+  bool recorded() const override { return false; }  // the host steps the state
 
   std::size_t bytes() const override {
     return plan_->bytes() + sizeof(double) * std::size_t(4 * state_.size() + 2 * message_.size());
@@ -134,12 +128,59 @@ class SlabConvolution final : public Convolution {
   Vector message_;              ///< the state at the end of the slab, and the last row of y
 };
 
+// The same where arrays lie on a device: states and rows stay there, and the plan begins with z in all modes.
+class CarriedSlabs final : public Convolution {
+ public:
+  CarriedSlabs(const RankedBackend& ranked, const ModalRecurrence& weights, const Slabs& slabs)
+      : ranked_(ranked),
+        slabs_(slabs),
+        plan_(ranked.local.fused().slabs.carried_convolution(weights, slabs.ends, slabs.rank)),
+        left_(ranked.local.array(1, plan_->state)),
+        received_(ranked.local.array(1, plan_->state)) {
+    if (plan_->lasting > 0) {
+      outliving_ = ranked.local.array(1, plan_->lasting);
+      of_all_ = ranked.local.array(ranked.communicator.size(), plan_->lasting);
+    }
+    start_from = [this](const Array& D) {
+      if (ranked_.first()) plan_->start_from(local_part(D));
+    };
+  }
+
+  void apply(const Array& y, Array& v, Index first) override {
+    const Index here = slabs_.here(first), last = slabs_.rows() - 1;
+    const bool idle = here > last;  // what an idle rank leaves is that of the call before
+    Array& rows = local_part(y);
+    if (!idle || !has_left_) plan_->leave(rows, *left_, outliving_.get());
+    has_left_ = true;
+    ranked_.shift({{left_.get(), 0, received_.get(), 0, 1}, {&rows, last, &rows, 0, 1}});
+    if (outliving_) ranked_.gather(*outliving_, *of_all_);
+    if (idle) return;
+    if (!ranked_.first()) plan_->begin(*received_, of_all_.get());
+    plan_->apply(rows, local_part(v), here > slabs_.own() ? here : 0);
+  }
+  bool recorded() const override { return ranked_.communicator.moves_rows(); }
+
+  std::size_t bytes() const override {
+    return plan_->bytes() + left_->bytes() + received_->bytes() +
+           (outliving_ ? outliving_->bytes() + of_all_->bytes() : 0);
+  }
+
+ private:
+  RankedBackend ranked_;
+  Slabs slabs_;
+  std::unique_ptr<CarriedConvolution> plan_;
+  std::unique_ptr<Array> left_, received_, outliving_, of_all_;
+  bool has_left_ = false;
+};
+
 }  // namespace
 
 std::unique_ptr<Convolution> make_slab_convolution(const RankedBackend& ranked, WeightsRef weights,
                                                    const Slabs& slabs) {
-  if (const auto* modal = std::get_if<const ModalRecurrence*>(&weights))
+  if (const auto* modal = std::get_if<const ModalRecurrence*>(&weights)) {
+    if (ranked.local.fused().slabs) return std::make_unique<CarriedSlabs>(ranked, **modal, slabs);
     return std::make_unique<SlabConvolution<ModalState, ModalRecurrence>>(ranked, **modal, slabs);
+  }
   if (const auto* dense = std::get_if<const DenseRecurrence*>(&weights))
     return std::make_unique<SlabConvolution<DenseState, DenseRecurrence>>(ranked, **dense, slabs);
   throw Error("ranks",

@@ -8,25 +8,35 @@ namespace bromwich {
 
 namespace {
 
-class SlabTransform final : public SineTransform {
+class SlabTransform final : public RowTransform {
  public:
-  SlabTransform(std::unique_ptr<SineTransform> local, const Slabs& slabs) : local_(std::move(local)), slabs_(slabs) {}
+  SlabTransform(std::unique_ptr<RowTransform> local, const Slabs& slabs) : local_(std::move(local)), slabs_(slabs) {}
 
   void apply(const Array& in, const Array* add, Array& out, Index first) override {
     const Index here = slabs_.here(first);
     if (here < slabs_.rows()) local_->apply(local_part(in), add ? &local_part(*add) : nullptr, local_part(out), here);
   }
   std::size_t bytes() const override { return local_->bytes(); }
+  RowTransform& local() { return *local_; }
 
  private:
-  std::unique_ptr<SineTransform> local_;
+  std::unique_ptr<RowTransform> local_;
   Slabs slabs_;
 };
 
 class SlabLcp final : public LcpBatch {
  public:
   SlabLcp(const RankedBackend& ranked, std::unique_ptr<LcpBatch> local, const Slabs& slabs)
-      : LcpBatch(false), ranked_(ranked), local_(std::move(local)), slabs_(slabs) {}
+      : LcpBatch(false, local->recorded), ranked_(ranked), local_(std::move(local)), slabs_(slabs) {
+    if (!local_->submit_in_modes) return;
+    submit_in_modes = [this](RowTransform& S, const Array& r, const Array& v, bool v_in_modes, Array& y, Array* y_modes,
+                             Index first) {
+      const Index here = slabs_.here(first);
+      if (here < slabs_.rows())
+        local_->submit_in_modes(static_cast<SlabTransform&>(S).local(), local_part(r), local_part(v), v_in_modes,
+                                local_part(y), y_modes ? &local_part(*y_modes) : nullptr, here);
+    };
+  }
 
   void submit(const Array& r, const Array& v, Array& y, Index first, double settle_tolerance) override {
     const Index here = slabs_.here(first);
@@ -192,7 +202,7 @@ class SlabMarch final : public March {
 
 }  // namespace
 
-std::unique_ptr<SineTransform> make_slab_transform(std::unique_ptr<SineTransform> local, const Slabs& slabs) {
+std::unique_ptr<RowTransform> make_slab_transform(std::unique_ptr<RowTransform> local, const Slabs& slabs) {
   return std::make_unique<SlabTransform>(std::move(local), slabs);
 }
 std::unique_ptr<LcpBatch> make_slab_lcp(const RankedBackend& ranked, std::unique_ptr<LcpBatch> local,

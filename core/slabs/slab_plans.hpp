@@ -9,7 +9,7 @@
 namespace bromwich {
 
 /// `local`: for arrays with slabs.rows() rows.
-std::unique_ptr<SineTransform> make_slab_transform(std::unique_ptr<SineTransform> local, const Slabs&);
+std::unique_ptr<RowTransform> make_slab_transform(std::unique_ptr<RowTransform> local, const Slabs&);
 /// Queues, so that one report serves many batches (LcpBatch::at_once is false).
 std::unique_ptr<LcpBatch> make_slab_lcp(const RankedBackend&, std::unique_ptr<LcpBatch> local, const Slabs&);
 std::unique_ptr<Differences> make_slab_differences(const RankedBackend&, std::size_t slots);

@@ -20,14 +20,6 @@ constexpr Index together = 4;  ///< blocks of modes, neighbours in each row
 constexpr Index tile = 64;     ///< rows of them, 16 KB
 using Tile = Lanes[together][tile];
 
-// Rows after which `largest`^rows is forgotten, at most `most`.
-Index remembered(double largest, Index most) {
-  if (largest == 0) return std::min<Index>(1, most);
-  if (!(largest < 1)) return most;
-  const double rows = std::ceil(std::log(forgotten) / std::log(largest));
-  return rows < double(most) ? std::max<Index>(1, Index(rows)) : most;
-}
-
 // Eight exponentials of eight modes.
 struct Bank {
   Lanes E[group], z[group];
@@ -117,6 +109,38 @@ void in_bunches(Index n, const HostThreads& threads, const std::function<void(co
 }
 
 }  // namespace
+
+Index remembered(double slowest, Index most) {
+  if (slowest == 0) return std::min<Index>(1, most);
+  if (!(slowest < 1)) return most;
+  const double rows = std::ceil(std::log(forgotten) / std::log(slowest));
+  return rows < double(most) ? std::max<Index>(1, Index(rows)) : most;
+}
+
+ModalRecurrence of_rank(const ModalRecurrence& r, bool first) {
+  ModalRecurrence local = r;
+  if (first) return local;
+  local.initial.resize(0, 0);
+  local.start.setZero();
+  local.s1 = local.w1;
+  return local;
+}
+
+Outliving outliving(const RowMatrix& decay, const std::vector<Index>& ends, int rank) {
+  const int ranks = int(ends.size()) - 1;
+  Outliving found;
+  if (ranks <= 2) return found;
+  Index shortest = ends.back();
+  for (int r = 1; r + 1 < ranks; ++r) shortest = std::min(shortest, ends[std::size_t(r) + 1] - ends[std::size_t(r)]);
+  for (Index i = 0; i < decay.size(); ++i)
+    if (!(std::pow(std::abs(decay.data()[i]), double(shortest)) <= forgotten)) found.values.push_back(i);
+  found.powers = RowMatrix::Zero(ranks, Index(found.values.size()));
+  for (int r = 0; r + 1 < rank; ++r)
+    for (std::size_t i = 0; i < found.values.size(); ++i)
+      found.powers(r, Index(i)) =
+          std::pow(decay.data()[found.values[i]], double(ends[std::size_t(rank)] - ends[std::size_t(r) + 1]));
+  return found;
+}
 
 ModalState::ModalState(const ModalRecurrence& r)
     : K_(r.exponentials()), n_(r.modes()), decay_(r.decay), output_(r.output), start_(r.start), initial_(r.initial) {

@@ -8,9 +8,6 @@
 
 namespace bromwich {
 
-/// A part of a state that is smaller than this, relative to its value in the beginning, is left out.
-inline constexpr double forgotten = 1e-18;
-
 /// K exponentials for each of n modes, as K n values.
 class ModalState {
  public:
@@ -37,6 +34,22 @@ class ModalState {
   RowMatrix decay_, output_, start_, initial_;
   Vector slowest_;  ///< of each mode
 };
+
+/// The recurrence of a rank. Where row 0 is a copy of another rank's row, its part in the state comes by message, x0
+/// too, and lag 1 outside of the exponentials is that of any row.
+ModalRecurrence of_rank(const ModalRecurrence&, bool first);
+
+/// What ranks before the last one leave to a rank: the values k n + l of a K x n state that outlive the shortest slab
+/// between two others, and powers(r, i) = E^d for value i, d the steps from the end of slab r to the beginning of the
+/// slab of `rank`. Zero for the rank before, whose whole state comes, and for later ones. Nothing for two ranks.
+struct Outliving {
+  std::vector<Index> values;
+  RowMatrix powers;
+};
+Outliving outliving(const RowMatrix& decay, const std::vector<Index>& ends, int rank);
+
+/// Rows after which the powers of |E| = `slowest` are forgotten, at most `most`.
+Index remembered(double slowest, Index most);
 
 /// m values.
 class DenseState {

@@ -97,7 +97,8 @@ Result ArraySolver::solve() {
   }
   backend_.add(*start_, 1, *g_, *w_);
   const ApplyKernel apply = [&](const Array& in, Array& out, Index first) { kernel.apply(in, out, first); };
-  const IterationOutcome outcome = iterate(*problem_, options_, apply, true, *lcp_, *r_, *y_, *v_, result, w_.get());
+  const IterationOutcome outcome =
+      iterate(*problem_, options_, apply, kernel.recorded(), *lcp_, *r_, *y_, *v_, result, w_.get());
   result.status = outcome.status;
   result.reason = outcome.reason;
   if (outcome.infeasible >= 0) result.infeasible_at = problem_->t[outcome.infeasible];

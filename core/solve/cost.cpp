@@ -191,7 +191,7 @@ Cost cost_of(const LinearSystem& system, const Sizes& s, Method method) {
 Sizes sizes(const Scene& scene, Index J, Index components, int threads = 1) {
   double edges = 0;
   if (const KroneckerDynamics* modes = scene.dynamics->modes(); modes && !modes->beside.empty())
-    for (const Index points : modes->face_extents()) edges += double(points);
+    for (const SecondDifference& direction : modes->face()) edges += double(direction.points);
   return {double(scene.states()),
           double(scene.constraints()),
           double(J) + 1,

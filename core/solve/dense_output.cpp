@@ -5,8 +5,11 @@
 #include "core/galerkin/recovery.hpp"
 #include "core/kernel/discretise.hpp"
 #include "core/kernel/states.hpp"
+#include "core/kernel/step_defects.hpp"
+#include "core/scene/breakpoints.hpp"
 #include "core/scene/mass_matrix.hpp"
 #include "core/scene/port_hamiltonian.hpp"
+#include "core/solve/located_values.hpp"
 #include "core/solve/mixed.hpp"
 
 #include <algorithm>
@@ -32,6 +35,10 @@ Place place(const Result& result, double T, double t) {
   return {Index(steps), steps - std::floor(steps)};
 }
 
+bool on_grid(const std::vector<Place>& places) {
+  return std::all_of(places.begin(), places.end(), [](const Place& at) { return at.part == 0; });
+}
+
 Vector y_at(const RowMatrix& y, const Place& at) {
   if (at.part == 0) return y.row(at.row).transpose();
   return ((1 - at.part) * y.row(at.row) + at.part * y.row(at.row + 1)).transpose();
@@ -53,10 +60,66 @@ Matrix states_before(const Scene& scene, Backend& backend, const Result& result,
   return states_at(scene, backend, result, rows);
 }
 
-// y and x of a result with continuous y, linear between its time points, or of its time points alone.
-void sample(const Scene& scene, Backend& backend, const Result& result, const std::vector<Place>& places,
+// Whether y is no line between a row and the next: the active set changes there, a source jumps or has a kink, or the
+// step was taken in parts. Small states can be stepped everywhere.
+class Bends {
+ public:
+  Bends(const Result& result, const std::vector<double>& breakpoints, double T, bool everywhere)
+      : result_(result), h_(T / double(result.steps)), breaks_(breakpoints), everywhere_(everywhere) {}
+
+  bool inside(Index row) const {
+    if (everywhere_) return true;
+    if (((result_.y.row(row).array() > 0) != (result_.y.row(row + 1).array() > 0)).any()) return true;
+    const auto next = std::lower_bound(breaks_.begin(), breaks_.end(), double(row) * h_);
+    if (next != breaks_.end() && *next <= double(row + 1) * h_) return true;
+    return result_.defects && std::binary_search(result_.defects->steps.begin(), result_.defects->steps.end(), row + 1);
+  }
+
+ private:
+  const Result& result_;
+  double h_;
+  const std::vector<double>& breaks_;
+  bool everywhere_;
+};
+
+// The steps from a time point to a place behind it. A step that its march has divided, where transients are faster than a
+// step, is divided here too: with small states that costs little.
+Index steps_between(const Scene& scene, Method method) {
+  constexpr Index parts = 16;
+  return scene.dynamics->small_state() && method != Method::euler ? parts : 1;
+}
+
+// Row k by a march over the length that is left, from the state x at the time point before. False if it is not solved.
+bool sample_by_a_step(const Scene& scene, Backend& backend, const Place& at, const Vector& x, Index k,
+                      Result& sampled) {
+  const double h = scene.T / double(sampled.steps);
+  Options options;
+  options.method = Method::march;
+  options.steps = steps_between(scene, options.method);
+  options.states = StateSelection::all;
+  options.trace = sampled.trace.cols() > 0;
+  const Result one = solve(part_of(scene, double(at.row) * h, at.part * h, x), backend, options);
+  if (one.status != Status::solved || !one.continuous) return false;
+  sampled.y.row(k) = one.y.row(options.steps);
+  sampled.x.row(k) = one.x.row(options.steps)(sampled.x_components);
+  if (options.trace) sampled.trace.row(k) = one.trace.row(options.steps);
+  return true;
+}
+
+// The scene with all breakpoints of its sources, which its parts need not look for.
+Scene with_all_breakpoints(const Scene& given) {
+  Scene scene = given;
+  if (!scene.breakpoints_are_all) scene.breakpoints = find_breakpoints(scene);
+  scene.breakpoints_are_all = true;
+  return scene;
+}
+
+// y and x of a result with continuous y, of its time points and between them.
+void sample(const Scene& given, Backend& backend, const Result& result, const std::vector<Place>& places,
             Result& sampled) {
+  const Scene scene = on_grid(places) ? given : with_all_breakpoints(given);
   const double h = scene.T / double(result.steps);
+  const Bends bends(result, scene.breakpoints, scene.T, scene.dynamics->small_state() != nullptr);
   Index valid = 1;  // rows of y that are; y_0 may be open where the rest is known
   while (valid < result.y.rows() && result.y.row(valid).allFinite()) ++valid;
   std::vector<Index> between;
@@ -66,7 +129,7 @@ void sample(const Scene& scene, Backend& backend, const Result& result, const st
     sampled.y.row(k) = y_at(result.y, at).transpose();
     if (at.part == 0) {
       sampled.x.row(k) = result.x.row(at.row);
-    } else if (sampled.x.cols() > 0 && at.row + 1 < valid) {
+    } else if (at.row + 1 < valid && (sampled.x.cols() > 0 || bends.inside(at.row))) {
       between.push_back(k);
       there.push_back(at);
     }
@@ -75,6 +138,8 @@ void sample(const Scene& scene, Backend& backend, const Result& result, const st
   const Matrix before = states_before(scene, backend, result, there);
   for (std::size_t i = 0; i < between.size(); ++i) {
     const Place& at = there[i];
+    if (bends.inside(at.row) && sample_by_a_step(scene, backend, at, before.col(Index(i)), between[i], sampled))
+      continue;
     const Vector x = carried(scene, backend, result.y, before.col(Index(i)), double(at.row) * h, at.part * h, at);
     sampled.x.row(between[i]) = x(result.x_components);
     if (sampled.trace.cols() > 0) sampled.trace.row(between[i]) = observe(scene.dynamics, x).transpose();
@@ -102,15 +167,15 @@ Result with_all_states(const Scene& scene, Backend& backend, const Result& resul
   return solve(scene, backend, options);
 }
 
-// One step of the method from the time point before: where y jumps from step to step this is its state, and its y.
-void sample_by_steps(const Scene& scene, Backend& backend, const Result& result, const std::vector<Place>& places,
+// By the method from the time point before: where y jumps from step to step this is its state, and its y.
+void sample_by_steps(const Scene& given, Backend& backend, const Result& result, const std::vector<Place>& places,
                      Result& sampled) {
-  const bool all_on_grid = std::all_of(places.begin(), places.end(), [](const Place& at) { return at.part == 0; });
-  const Result whole = all_on_grid ? result : with_all_states(scene, backend, result);
+  const Scene scene = on_grid(places) ? given : with_all_breakpoints(given);
+  const Result whole = on_grid(places) ? result : with_all_states(scene, backend, result);
   const double h = scene.T / double(result.steps);
   Options options;
   options.method = result.method;
-  options.steps = 1;
+  options.steps = steps_between(scene, result.method);
   options.states = StateSelection::all;
   options.trace = sampled.trace.cols() > 0;
   for (Index k = 0; k < Index(places.size()); ++k) {
@@ -124,11 +189,32 @@ void sample_by_steps(const Scene& scene, Backend& backend, const Result& result,
     if (!whole.x.row(at.row + 1).allFinite()) continue;
     const Scene step = part_of(scene, double(at.row) * h, at.part * h, whole.x.row(at.row).transpose());
     const Result one = solve(step, backend, options);
-    if (one.status == Status::infeasible || one.x.rows() != 2) continue;
-    sampled.y.row(k) = one.y.row(1);
-    sampled.x.row(k) = one.x.row(1)(result.x_components);
-    if (options.trace) sampled.trace.row(k) = one.trace.row(1);
+    if (one.status == Status::infeasible || one.x.rows() != options.steps + 1) continue;
+    sampled.y.row(k) = one.y.row(options.steps);
+    sampled.x.row(k) = one.x.row(options.steps)(result.x_components);
+    if (options.trace) sampled.trace.row(k) = one.trace.row(options.steps);
   }
+}
+
+// Method events: values between the time points are those of one more integration. False if that ends early.
+bool sample_located(const Scene& scene, const Result& result, const std::vector<Place>& places, Result& sampled) {
+  if (result.method != Method::events || on_grid(places)) return false;
+  const auto values = LocatedValues::find(scene);
+  if (!values) return false;
+  for (Index k = 0; k < Index(places.size()); ++k) {
+    const Place& at = places[std::size_t(k)];
+    sampled.y.row(k) = result.y.row(at.row);
+    sampled.x.row(k) = result.x.row(at.row);
+    if (at.part == 0) continue;
+    sampled.y.row(k).setConstant(NAN);
+    sampled.x.row(k).setConstant(NAN);
+    if (!result.y.row(at.row + 1).allFinite()) continue;
+    sampled.y.row(k) = values->y(sampled.t[k]).transpose();
+    const Vector x = values->x(sampled.t[k]);
+    sampled.x.row(k) = x(result.x_components).transpose();
+    if (sampled.trace.cols() > 0) sampled.trace.row(k) = observe(scene.dynamics, x).transpose();
+  }
+  return true;
 }
 
 // The scene without free rows, from a result of all rows: x follows from y of the others, y itself is linear in all.
@@ -166,8 +252,9 @@ std::optional<Result> of_simpler_scene(const Scene& scene, Backend& backend, con
 
 Result at_times(const Scene& scene, Backend& backend, const Result& result, const std::vector<double>& times) {
   if (result.goal) throw Error("result", "is of method goal", "its time points are the answer");
-  const bool steps = by_steps(scene, result);  // solve() takes care of the form of the scene
-  if (auto sampled = steps ? std::nullopt : of_simpler_scene(scene, backend, result, times)) return *sampled;
+  // solve() takes care of the form of the scene where its steps are solved again.
+  const bool reduces = result.method == Method::events || !by_steps(scene, result);
+  if (auto sampled = reduces ? of_simpler_scene(scene, backend, result, times) : std::nullopt) return *sampled;
   std::vector<Place> places;
   for (const double t : times) places.push_back(place(result, scene.T, t));
   Result sampled = result;
@@ -184,10 +271,11 @@ Result at_times(const Scene& scene, Backend& backend, const Result& result, cons
     for (Index k = 0; k < count && sampled.trace.cols() > 0; ++k)
       sampled.trace.row(k) = observe(scene.dynamics, output.x.row(k).transpose()).transpose();
     sampled.y_left.resize(0, 0);
-  } else if (steps) {
-    sample_by_steps(scene, backend, result, places, sampled);
-  } else {
-    sample(scene, backend, result, places, sampled);
+  } else if (!sample_located(scene, result, places, sampled)) {
+    if (by_steps(scene, result))
+      sample_by_steps(scene, backend, result, places, sampled);
+    else
+      sample(scene, backend, result, places, sampled);
   }
   for (Index k = 0; k < count && sampled.trace.cols() > 0; ++k)
     if (places[std::size_t(k)].part == 0) sampled.trace.row(k) = result.trace.row(places[std::size_t(k)].row);

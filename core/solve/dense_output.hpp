@@ -4,8 +4,10 @@
 //
 //     x(t_j + s) = e^{sA} x_j + ∫_0^s e^{(s-r)A} (B y(t_j + r) + f(t_j + r)) dr,
 //
-// by one step of the discretisation itself. If y may jump from step to step (M singular, implicit Euler), and for
-// sparse dynamics, the problem of a step of length s from x_j is solved.
+// by one step of the discretisation itself. Where y is no line (a constraint switches in the step, or a source jumps or
+// has a kink), the problem of a step of length s from x_j is solved. So it is if y may jump from step to step (M
+// singular, implicit Euler), and for x of sparse dynamics. Results of method events have the values of one more
+// integration with located switches.
 
 #include "solve.hpp"
 

@@ -161,9 +161,9 @@ class EventControl {
     y_differs_ = std::max(d.mean, of_mean_ ? 0 : d.y) > agreed * tolerance_;
   }
 
-  // Two integrations with the same x and another y.
+  // Two integrations with the same x and another y, or one of several y in both.
   void look_for_other_y(bool met, Result& r) const {
-    if (!y_differs_ || of_x_ > agreed * tolerance_) return;
+    if (!met && (!y_differs_ || of_x_ > agreed * tolerance_)) return;
     const OtherSolution other = rows_->other(r);
     if (other.row < 0 || other.moves_the_state) return;
     const std::string where =

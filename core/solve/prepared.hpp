@@ -24,7 +24,7 @@ struct PreparedGrid {
 };
 
 /// The stages that replace the dynamics of a scene.
-enum class Reduction { units, mass, written_out, free_rows };
+enum class Reduction { units, mass, written_out, free_rows, symmetric };
 
 struct Prepared {
   std::optional<NaturalUnits> units;    ///< of the first solve, used by all later ones

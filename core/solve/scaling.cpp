@@ -228,8 +228,21 @@ Result changed(Result result, const NaturalUnits& units, int sign) {
   return result;
 }
 
-// max_j ||min(y, w)|| / max(1, ||N x + g||) of the rows that are valid, |w_i| where row i is free; NaN where none is.
-double residual_of(const Scene& scene, const Result& result) {
+double boundary_residual_of(const BoundaryCondition& c, const RowMatrix& x) {
+  const Vector apart = c.E0 * x.row(0).transpose() + c.ET * x.row(x.rows() - 1).transpose() - c.b;
+  return apart.cwiseAbs().maxCoeff<Eigen::PropagateNaN>() / std::max(1.0, c.b.cwiseAbs().maxCoeff());
+}
+
+// Keeps the requested components of all that were recorded.
+void select_components(const std::vector<Index>& requested, Result& result) {
+  if (result.x_components == requested) return;
+  result.x = result.x(Eigen::all, requested).eval();
+  result.x_components = requested;
+}
+
+}  // namespace
+
+double stated_residual(const Scene& scene, const Result& result) {
   double worst = NAN;
   const Index n = scene.constraints();
   const auto* M = std::get_if<Matrix>(&scene.M);
@@ -254,20 +267,6 @@ double residual_of(const Scene& scene, const Result& result) {
   }
   return worst;
 }
-
-double boundary_residual_of(const BoundaryCondition& c, const RowMatrix& x) {
-  const Vector apart = c.E0 * x.row(0).transpose() + c.ET * x.row(x.rows() - 1).transpose() - c.b;
-  return apart.cwiseAbs().maxCoeff<Eigen::PropagateNaN>() / std::max(1.0, c.b.cwiseAbs().maxCoeff());
-}
-
-// Keeps the requested components of all that were recorded.
-void select_components(const std::vector<Index>& requested, Result& result) {
-  if (result.x_components == requested) return;
-  result.x = result.x(Eigen::all, requested).eval();
-  result.x_components = requested;
-}
-
-}  // namespace
 
 NaturalUnits natural_units(const Scene& scene) {
   if (!scene.dynamics->has_matrices() || scene.constraints() == 0) return {};
@@ -348,7 +347,7 @@ Result solve_in_natural_units(const Scene& scene, Backend& backend, const InnerO
   timer.lap();
   result = to_units_of_scene(std::move(result), units);
   if (result.y_left.size() == 0 && !std::isnan(result.residual))
-    if (const double residual = residual_of(scene, result); !std::isnan(residual)) result.residual = residual;
+    if (const double residual = stated_residual(scene, result); !std::isnan(residual)) result.residual = residual;
   if (result.boundary_residual && result.x.rows() > 0 && result.x.cols() == scene.states())
     result.boundary_residual = boundary_residual_of(*scene.boundary, result.x);
   if (scene.boundary && result.x_components.size() == std::size_t(scene.states()))

@@ -30,6 +30,10 @@ Scene in_natural_units(const Scene&, const NaturalUnits&);
 /// residuals.
 Result to_units_of_scene(Result, const NaturalUnits&);
 
+/// max_j ||min(y, w)|| / max(1, ||N x + g||) of the valid rows of a result with its trace, |w_i| where row i is free;
+/// NaN where none is.
+double stated_residual(const Scene&, const Result&);
+
 /// `solve` for a valid scene and options without units: converts both to natural units, solves, and converts the result
 /// back. Its residuals are those of the given scene.
 Result solve_in_natural_units(const Scene&, Backend&, const InnerOptions&, const Solve&);

@@ -21,6 +21,7 @@
 #include "core/solve/one_grid.hpp"
 #include "core/solve/prepared.hpp"
 #include "core/solve/scaling.hpp"
+#include "core/solve/symmetric_form.hpp"
 
 #include <algorithm>
 #include <atomic>
@@ -245,21 +246,22 @@ std::optional<Result> free_rows(const Scene& scene, Backend& backend, const Inne
 // Below this size dense matrices are faster in everything, and e^{hA} needs no contour.
 constexpr Index smallest_sparse = 512;
 
-// Every length of a part of a step needs an exponential of a dense matrix, and a factorization of a sparse one.
+// With breakpoints a march has steps in parts, and every length of a part needs an exponential of a dense matrix, or a
+// factorization of a sparse one. (Whether a sparse march divides its steps is a question for Methods::march.)
 constexpr Index smallest_sparse_with_parts = 128;
 constexpr double most_filled = 1.0 / 16;  ///< of a matrix that is factorized in much less time
 
-bool divides_sparse_steps(const Scene& scene, Method method) {
-  if (scene.breakpoints.empty() || (method != Method::march && method != Method::automatic)) return false;
+bool stays_sparse(const Scene& scene, Method method) {
   const double m = double(scene.states());
-  return scene.states() > smallest_sparse_with_parts &&
+  if (m > double(smallest_sparse)) return true;
+  if (scene.breakpoints.empty() || (method != Method::march && method != Method::automatic)) return false;
+  return m > double(smallest_sparse_with_parts) &&
          double(scene.dynamics->matrices()->A.nonZeros()) <= most_filled * m * m;
 }
 
 std::optional<Result> small_sparse(const Scene& scene, Backend& backend, const InnerOptions& options,
                                    const Solve& solve) {
-  if (!scene.dynamics->matrices() || scene.states() > smallest_sparse) return std::nullopt;
-  if (divides_sparse_steps(scene, options.method)) return std::nullopt;
+  if (!scene.dynamics->matrices() || stays_sparse(scene, options.method)) return std::nullopt;
   note(options.log, LogLevel::debug, "sparse dynamics with %ld states are written out as dense ones",
        long(scene.states()));
   Scene dense = written_out(scene);
@@ -272,8 +274,12 @@ std::optional<Result> one_grid(const Scene& scene, Backend& backend, const Inner
   return solve_on_one_grid(scene, backend, options);
 }
 
-constexpr Stage stages[] = {mass_matrix, natural_units, goal,     no_constraints, galerkin_alone, small_sparse,
-                            events,      tolerance,     galerkin, free_rows,      one_grid};
+constexpr Stage stages[] = {mass_matrix,    solve_in_symmetric_form,
+                            natural_units,  goal,
+                            no_constraints, galerkin_alone,
+                            small_sparse,   events,
+                            tolerance,      galerkin,
+                            free_rows,      one_grid};
 
 }  // namespace
 

@@ -250,6 +250,24 @@ def test_rectangles_in_modes(ends):
     assert bromwich.Scene(dynamics=field, f=0.1, **rest)._model.form == "sparse"
 
 
+def test_other_ends_and_advection_in_modes():
+    P, Q, c, loss = 24, 25, 0.05, 1.5  # above 512 states
+    dx, dy = bromwich.Kronecker.spacing(P, 1, ("neumann", loss)), bromwich.Kronecker.spacing(Q, 2, ("neumann", "dirichlet"))
+    reflected = (1 - loss * dx / 2) / (1 + loss * dx / 2)
+    b, n = 20 * np.eye(Q)[0], np.eye(Q)[0]
+    rest = {"M": np.eye(P), "g": lambda t: 0.3 * np.sin(5 * t + np.arange(P) / 9) - 0.1, "x0": 0.02, "T": 1}
+    for v in (0.0, -0.04):
+        along, across = line_of_points(P, dx, c, v, 1, reflected), line_of_points(Q, dy, c, v, 1, 0)
+        A = scipy.sparse.csr_array(np.kron(np.eye(P), across) + np.kron(along, np.eye(Q)))
+        field = bromwich.Kronecker((P, dx, c), (Q, dy, c), b, n, ends_along=("neumann", loss),
+                                   ends_across=("neumann", "dirichlet"), advection=v)  # fmt: skip
+        known = bromwich.solve(A=A, B=np.kron(np.eye(P), b[:, None]), N=np.kron(np.eye(P), n), **rest, steps=64, method="march")
+        found = bromwich.solve(dynamics=field, **rest, steps=64, method="march", states=[0, 30, P * Q - 1])
+        assert found.ok and known.y.max() > 0.1
+        assert ("symmetric form" in found.kernel) == (v != 0)
+        np.testing.assert_allclose(found.y[1:], known.y[1:], atol=1e-8)
+
+
 def test_boxes():
     P, R, Q, dx, c = 4, 3, 5, 0.2, 0.1
     D = [line_of_points(points, dx, c, 0, 0, 0) for points in (P, R, Q)]

@@ -56,10 +56,10 @@ class BackendMarch : public BackendTest {
 /// Dense n x n weights, one per lag.
 inline std::vector<Matrix> dense_weights(const LagTable& table, const RowMatrix& rows) {
   std::vector<Matrix> all;
-  const Matrix S = reference::sine_matrix(table.outputs);
+  const Matrix V = table.face.is_sine() ? reference::sine_matrix(table.outputs) : table.face.matrix();
   for (Index d = 0; d < rows.rows(); ++d) {
     if (table.modal)
-      all.push_back(S * rows.row(d).asDiagonal() * S);
+      all.push_back(V * rows.row(d).asDiagonal() * V.transpose());
     else
       all.push_back(Eigen::Map<const RowMatrix>(rows.row(d).data(), table.outputs, table.inputs));
   }

@@ -10,9 +10,10 @@ INSTANTIATE_TEST_SUITE_P(Contract, BackendMarch, testing::ValuesIn(backend_cases
 TEST_P(BackendMarch, ModalAgainstALoop) {
   // For n = 143 the LCP uses the banded solver and the sine transform has length 144.
   for (const Index n : {1, 3, 8, 9, 39, 143})
-    for (const bool driven : {false, true}) {
+    for (const auto& [driven, reflecting] : {std::pair(false, false), {true, false}, {true, true}}) {
       const Index rows = n < 100 ? 50 : 20;
-      const KroneckerDynamics d = reference::signorini_dynamics(n, 5, 2e-3);
+      KroneckerDynamics d = reference::signorini_dynamics(n, 5, 2e-3);
+      if (reflecting) d.along.first = 1, d.along.last = 0.4;
       Random random{std::uint32_t(n)};
       ModalRecurrence recurrence = modal_recurrence(d, n % 2 ? Rule::exponential : Rule::implicit_euler, 0.05, {});
       recurrence.w1 = 0.01 * random.vector(n);  // nonzero, as after compression

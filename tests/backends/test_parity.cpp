@@ -152,8 +152,9 @@ TEST_F(BackendParity, TridiagonalBatches) {
     const Vector diagonal = Vector::Constant(n, 0.5) + lower.cwiseAbs() + upper.cwiseAbs();
     const Tridiagonal any{lower, diagonal, upper}, z{-lower.cwiseAbs(), diagonal, -upper.cwiseAbs()};
     for (const auto& [M, lcp_class] : {std::pair(any, LcpClass::P), std::pair(z, LcpClass::Z)})
-      expect_same("tridiagonal, n = " + std::to_string(n),
-                  [&](Backend& backend) { return solved_batches(backend, M, lcp_class, 37); });
+      expect_same("tridiagonal, n = " + std::to_string(n), [&, &M = M, lcp_class = lcp_class](Backend& backend) {
+        return solved_batches(backend, M, lcp_class, 37);
+      });
   }
 }
 
@@ -177,8 +178,9 @@ TEST_F(BackendParity, DenseBatches) {
     Matrix z = -any.cwiseAbs();
     z.diagonal() = any.diagonal();
     for (const auto& [M, lcp_class] : {std::pair(any, LcpClass::P), std::pair(z, LcpClass::Z)})
-      expect_same("dense, n = " + std::to_string(n),
-                  [&](Backend& backend) { return solved_batches(backend, M, lcp_class, 37); });
+      expect_same("dense, n = " + std::to_string(n), [&, &M = M, lcp_class = lcp_class](Backend& backend) {
+        return solved_batches(backend, M, lcp_class, 37);
+      });
   }
 }
 

@@ -20,6 +20,8 @@ using MatrixOf = Eigen::Matrix<Scalar, Eigen::Dynamic, Eigen::Dynamic, order>;
 template <class Scalar>
 class Multiply : public testing::Test {
  protected:
+  using Plain = MatrixOf<Scalar, Eigen::ColMajor>;
+
   template <int order>
   MatrixOf<Scalar, order> random(Index rows, Index cols) {
     return MatrixOf<Scalar, order>::NullaryExpr(rows, cols, [&] {
@@ -33,8 +35,7 @@ class Multiply : public testing::Test {
 
   // C0 + alpha A B by its definition, and whether C is equal to it. A sum of k products and the two operations after it
   // are off by at most (k + 2) units of rounding of the sum of absolute values (a complex product: 3 more each).
-  template <class C, class A, class B>
-  void expect_product(const C& found, const C& before, Scalar alpha, const A& a, const B& b) {
+  void expect_product(const Plain& found, const Plain& before, Scalar alpha, const Plain& a, const Plain& b) {
     for (Index i = 0; i < found.rows(); ++i) {
       for (Index j = 0; j < found.cols(); ++j) {
         Scalar sum = 0;

@@ -2,12 +2,14 @@
 
 #include "core/derivatives/face_modes.hpp"
 
-#include "core/numerics/sine_basis.hpp"
+#include "core/dynamics/second_difference.hpp"
 #include "tests/support/reference.hpp"
 
 #include <gtest/gtest.h>
 
 #include <limits>
+#include <memory>
+#include <vector>
 
 namespace bromwich::face_modes_test {
 namespace {
@@ -17,23 +19,38 @@ using reference::Random;
 // n products of numbers below 1 in another order: n eps of the largest value, with a margin for the matrix itself.
 double rounding(Index n) { return 8 * double(n) * std::numeric_limits<double>::epsilon(); }
 
-class FaceModesOf : public testing::TestWithParam<std::vector<Index>> {};
+// Of a line with these ends; a null matrix stands for sine vectors.
+std::shared_ptr<const Matrix> modes_with(Index n, double first, double last) {
+  return std::make_shared<const Matrix>(SecondDifference{n, 1. / double(n), 1, first, last}.modes());
+}
 
-TEST_P(FaceModesOf, AreProductsWithTheSineMatrix) {
+std::vector<FaceBasis> bases() {
+  std::vector<FaceBasis> all;
+  for (const std::vector<Index>& extents : {std::vector<Index>{1}, {2}, {3}, {8}, {39}, {64}, {127}, {3, 4}})
+    all.emplace_back(extents);
+  for (const Index n : {1, 5, 64, 131}) all.emplace_back(std::vector<LineBasis>{{n, modes_with(n, 1, 0.3)}});
+  all.emplace_back(std::vector<LineBasis>{{3, modes_with(3, 1, 1)}, {4}});
+  return all;
+}
+
+class FaceModesOf : public testing::TestWithParam<FaceBasis> {};
+
+TEST_P(FaceModesOf, AreProductsWithTheMatrix) {
   const FaceModes face(GetParam());
-  const Matrix S = face_sine_matrix(GetParam());
-  const Index n = S.rows();
+  const Matrix V = GetParam().matrix();
+  const Index n = V.rows();
   Random random(7);
   const RowMatrix values = random.matrix(5, n);
-  const RowMatrix modes = face.of(values);
-  EXPECT_LE((modes - values * S).cwiseAbs().maxCoeff(), rounding(n));
-  EXPECT_LE((face.of(modes) - values).cwiseAbs().maxCoeff(), 2 * rounding(n));
+  const RowMatrix modes = face.to_modes(values);
+  EXPECT_LE((modes - values * V).cwiseAbs().maxCoeff(), rounding(n));
+  EXPECT_LE((face.to_points(values) - values * V.transpose()).cwiseAbs().maxCoeff(), rounding(n));
+  EXPECT_LE((face.to_points(modes) - values).cwiseAbs().maxCoeff(), 2 * rounding(n));
 }
 
 TEST_P(FaceModesOf, OnSetsAreRowsAndColumnsOfIt) {
   const FaceModes face(GetParam());
-  const Matrix S = face_sine_matrix(GetParam());
-  const Index n = S.rows();
+  const Matrix V = GetParam().matrix();
+  const Index n = V.rows();
   Random random(8);
   for (const double share : {0.0, 0.3, 1.0}) {
     std::vector<Index> set;
@@ -44,17 +61,14 @@ TEST_P(FaceModesOf, OnSetsAreRowsAndColumnsOfIt) {
         on_set[i] = random.uniform();
       }
     face.of_set(set, on_set, modes);
-    EXPECT_LE((modes - S * on_set).cwiseAbs().maxCoeff(), rounding(n));
-    const Vector given = random.vector(n), expected = S * given;
+    EXPECT_LE((modes - V.transpose() * on_set).cwiseAbs().maxCoeff(), rounding(n));
+    const Vector given = random.vector(n), expected = V * given;
     face.seen_on(set, given, seen);
     for (const Index i : set) EXPECT_NEAR(seen[i], expected[i], rounding(n));
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Extents, FaceModesOf,
-                         testing::Values(std::vector<Index>{1}, std::vector<Index>{2}, std::vector<Index>{3},
-                                         std::vector<Index>{8}, std::vector<Index>{39}, std::vector<Index>{64},
-                                         std::vector<Index>{127}, std::vector<Index>{3, 4}));
+INSTANTIATE_TEST_SUITE_P(Bases, FaceModesOf, testing::ValuesIn(bases()));
 
 }  // namespace
 }  // namespace bromwich::face_modes_test

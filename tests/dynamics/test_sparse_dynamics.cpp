@@ -164,6 +164,34 @@ TEST(SparseSpectrum, SymmetricGrid) {
   EXPECT_EQ(sparse_spectrum(grid(G, G, 1, 0, 0.5 * slowest)).abscissa, 0);
 }
 
+// A line of 600 finite elements with one row twice in both matrices. What rounding left of the pivot divided what it
+// left of simple right sides.
+TEST(SparseShift, ASingularPencilHasNoFactors) {
+  const Index m = 600;
+  const double c = double(m + 1) * double(m + 1) * 0.01, size = 3 * c;
+  Triplets A, E;
+  for (Index i = 0; i < m; ++i) {
+    const Index row = i == 7 ? 6 : i;
+    for (Index j = std::max<Index>(row - 1, 0); j <= std::min(row + 1, m - 1); ++j) {
+      A.emplace_back(i, j, j == row ? -2 * c : c);
+      E.emplace_back(i, j, j == row ? 4. / 6 : 1. / 6);
+    }
+  }
+  const auto system =
+      linear_system(SparseDynamics{assemble(m, m, A), SparseMatrix(m, 1), SparseMatrix(1, m), assemble(m, m, E)});
+  for (const Complex z : {Complex(0.61, 0.83), Complex(-1.37, 0.29), Complex(1, 0.5)})
+    EXPECT_FALSE(system->at_shift(z * size)) << z;
+}
+
+// A factorization of E that has no pivot was solved with.
+TEST(SparseSpectrum, ASingularMassIsRefused) {
+  SparseMatrix E(400, 400);
+  E.setIdentity();
+  E.coeffRef(7, 7) = 0;
+  E.prune(0.5);
+  EXPECT_THROW(sparse_spectrum(grid(20, 20), E), Error);
+}
+
 TEST(SparseSpectrum, SectorsAndSkewMatrices) {
   // Normal: blocks -a [[1, -tan], [tan, 1]], eigenvalues on the rays of 40 degrees.
   const double tangent = std::tan(40 * std::numbers::pi / 180);

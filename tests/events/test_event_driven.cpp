@@ -1,6 +1,7 @@
 // Event-driven integration against solutions by hand and the independent event-located oracle.
 
 #include "core/events/event_driven.hpp"
+#include "core/scene/relay.hpp"
 #include "tests/support/random_sources.hpp"
 
 #include <gtest/gtest.h>
@@ -40,6 +41,20 @@ TEST(EventDriven, ABallComesToRestOnARigidFloor) {
   EXPECT_NEAR(s.x(2, true).norm(), 0, 1e-9);
   EXPECT_NEAR(s.y(2, true)[0], 1, 1e-9);
   EXPECT_NEAR(s.integral_of_y(3, true)[0], 1 + 2, 1e-9) << "the impulse and the weight";
+}
+
+// x' = -x + 2 lambda, lambda in -Sgn(x - sin t), x(0) = 0: x = sin t slides from the start, where x, its surface and all
+// that was seen of them are zero. 2 lambda = cos t + sin t, y_0 = (1 - lambda)/2.
+TEST(EventDriven, ARelaySlidesFromTheOrigin) {
+  const auto e = [](double t, Eigen::Ref<Vector> v) { v.setConstant(-std::sin(t)); };
+  Scene scene = relay_scene(Matrix{{-1}}, Matrix{{2}}, Matrix{{1}}, {}, Vector::Zero(1), e);
+  scene.T = 6;
+  const EventSolution s = integrate_with_events(scene, LcpClass::PSD, {}, {});
+  ASSERT_TRUE(s.complete) << s.reason;
+  for (const double t : {0.5, 2.0, 5.9}) {  // EventOptions::tolerance
+    EXPECT_NEAR(s.x(t, true)[0], std::sin(t), 1e-9);
+    EXPECT_NEAR(s.y(t, true)[0], 0.5 - (std::cos(t) + std::sin(t)) / 4, 1e-8);
+  }
 }
 
 // x = -1e-11 e^{-t}, w = x + 2 y + g, g = 1 up to t = 1 and 0 after it: y = 5e-12 e^{-t} from there, far below what

@@ -53,6 +53,34 @@ steps = 100
   EXPECT_LT(distance(solved_y(scene, Method::contour, 100), solved_y(known, Method::contour, 100)), same_problem);
 }
 
+// Above 512 states; tests/dynamics/test_rectangle.cpp and tests/solve/test_symmetric_form.cpp take all combinations.
+TEST(SceneRectangles, EndsAndAdvectionAreSolvedInModes) {
+  const auto text = [](const char* advection) {
+    return std::string("[kronecker]\npoints = [24, 25]\nlength = [1, 2]\ndiffusivity = 0.05\nreaction = 0.2\n") +
+           advection +
+           "along = [\"neumann\", 1.5]\nacross = [\"neumann\", \"dirichlet\"]\nb = [20]\nn = [1]\n"
+           "[dynamics]\nx0 = \"0.01*i\"\nf = \"0.1*cos(t)\"\n"
+           "[complementarity]\nM = \"identity\"\ng = \"0.3*sin(4*t) - 0.1\"\n[time]\nT = 1\nsteps = 64\n";
+  };
+  Rectangle r;
+  const double dx = GridLine::spacing_of(24, 1, neumann, 1.5), dy = GridLine::spacing_of(25, 2, neumann, dirichlet);
+  r.along = {24, dx, 0.05, 0, neumann, 1.5}, r.across = {25, dy, 0.05, 0, neumann, dirichlet};
+  r.reaction = 0.2;
+  r.b = 20 * Vector::Unit(25, 0), r.n = Vector::Unit(25, 0);
+  r.written_out = true;
+  for (const double v : {0.0, -0.04}) {
+    Scene scene = parse_sections(text(v == 0 ? "" : "advection = [-0.04, -0.04]\n")).scene;
+    r.along.advection = r.across.advection = v;
+    Scene written = scene;
+    written.dynamics = r;
+    EXPECT_EQ(holds<KroneckerDynamics>(scene.dynamics), v == 0);
+    const Result found = run(scene, Method::march, 64);
+    EXPECT_EQ(found.kernel.find("symmetric form") != std::string::npos, v != 0) << found.kernel;
+    EXPECT_LT(distance(found.y.bottomRows(64), solved_y(written, Method::march, 64).bottomRows(64)),
+              1e-8 * found.y.maxCoeff());
+  }
+}
+
 TEST(SceneRectangles, RectanglesOfTwoDifferentSides) {
   const std::string text =
       "[kronecker]\npoints = [3, 2]\nspacing = [1, 0.5]\ndiffusivity = [2, 3]\nb = [1]\nn = [0, 5]\n"

@@ -3,6 +3,7 @@
 #include "core/kernel/compression.hpp"
 #include "core/kernel/response.hpp"
 #include "core/multigrid/time_levels.hpp"
+#include "core/numerics/sine_basis.hpp"
 #include "core/scene/separable.hpp"
 #include "core/seam/upload.hpp"
 #include "cpu/cpu_backend.hpp"

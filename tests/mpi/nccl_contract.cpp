@@ -4,7 +4,7 @@
 #include "core/base/error.hpp"
 #include "core/catalogue/catalogue.hpp"
 #include "core/slabs/slab_backend.hpp"
-#include "core/solve/solve.hpp"
+#include "core/solve/solver.hpp"
 #include "cpu/cpu_backend.hpp"
 #include "kernels/cuda_backend.hpp"
 #include "kernels/nccl_communicator.hpp"
@@ -22,34 +22,57 @@ namespace {
 // Sweeps end at a change of 1e-14; transforms of the device and of the host round otherwise, and sums of carries too.
 constexpr double same_solution = 1e-11;
 
-void check_solve(Communicator& ranks, std::unique_ptr<Backend> cuda, std::vector<std::string>& faults) {
-  const Scene scene = make_scene("signorini", {{"Q", 15}});
-  Options options;
-  options.method = Method::contour;
-  options.steps = 1024;
-  options.iteration_tolerance = 1e-14;
-  const auto host = make_cpu_backend(1);
-  const RowMatrix expected = solve(scene, *host, options).y;
-  const auto divided = make_slab_backend(std::move(cuda), ranks);
-  const Result found = solve(scene, *divided, options);
-  if (found.status != Status::solved) faults.push_back("the divided solve ends: " + found.reason);
-  if (!((found.y - expected).cwiseAbs().maxCoeff<Eigen::PropagateNaN>() <= same_solution))
-    faults.emplace_back("the divided solve finds another solution than the host");
+struct Case {
+  const char* scene;
+  double Q;
+  Method method;
+  Index steps;
+};
+
+// The graphs of cycles, walks through many modes, grids that all ranks hold, ends of slabs that no coarse grid has.
+constexpr Case cases[] = {{"signorini", 15, Method::contour, 1024},     {"signorini", 63, Method::multigrid, 1536},
+                          {"signorini3d", 15, Method::multigrid, 1024}, {"signorini3d", 31, Method::multigrid, 512},
+                          {"signorini3d", 15, Method::contour, 500},    {"dlcp-small", 0, Method::contour, 512}};
+
+void check_solves(Backend& divided, std::vector<std::string>& faults) {
+  const auto host = make_cpu_backend(2);
+  for (const Case& one : cases) {
+    const Scene scene = make_scene(one.scene, one.Q > 0 ? ParameterValues{{"Q", one.Q}} : ParameterValues{});
+    Options options;
+    options.method = one.method;
+    options.steps = one.steps;
+    options.iteration_tolerance = 1e-14;
+    const RowMatrix expected = solve(scene, *host, options).y;
+    Solver solver(scene, divided, options);
+    for (int again = 0; again < 2; ++again) {
+      const Result found = solver.solve();
+      const std::string name = std::string(one.scene) + " by " + to_string(one.method);
+      if (found.status != Status::solved) faults.push_back(name + " ends: " + found.reason);
+      const double apart = (found.y - expected).cwiseAbs().maxCoeff<Eigen::PropagateNaN>();
+      if (!(apart <= same_solution)) faults.push_back(name + " is apart by " + std::to_string(apart * 1e12) + "e-12");
+      if (!(found.residual <= 1e-12)) faults.push_back(name + " has another residual");
+    }
+  }
 }
+
+SharedMemory::Place place_of(Backend& cuda) { return dynamic_cast<const SharedMemory&>(cuda).place(); }
 
 void check_devices_of_their_own(MpiJob& job, std::unique_ptr<Backend> cuda, std::vector<std::string>& faults) {
-  const auto ranks = make_nccl_communicator(job.communicator(), *cuda);
+  const auto ranks = make_nccl_communicator(job.communicator(), place_of(*cuda));
   faults = faults_of(*ranks);
-  check_solve(*ranks, std::move(cuda), faults);
+  for (const std::string& fault : faults_of_rows(*ranks, *cuda)) faults.push_back(fault);
+  check_solves(*make_slab_backend(std::move(cuda), *ranks), faults);
 }
 
-void check_shared_device(MpiJob& job, Backend& cuda, std::vector<std::string>& faults) {
+// Refused; by way of the host such ranks can be divided all the same.
+void check_shared_device(MpiJob& job, std::unique_ptr<Backend> cuda, std::vector<std::string>& faults) {
   try {
-    make_nccl_communicator(job.communicator(), cuda);
+    make_nccl_communicator(job.communicator(), place_of(*cuda));
     faults.emplace_back("two ranks with one device are not refused");
   } catch (const Error& error) {
     if (std::string(error.what()).find("have the same device") == std::string::npos) faults.emplace_back(error.what());
   }
+  check_solves(*make_slab_backend(std::move(cuda), job.communicator()), faults);
 }
 
 int run(int argc, char** argv) {
@@ -60,11 +83,11 @@ int run(int argc, char** argv) {
     return 77;
   }
   std::vector<std::string> faults;
-  auto cuda = make_cuda_backend(make_cpu_backend(1), rank % devices);
+  auto cuda = make_cuda_backend(make_cpu_backend(1), job->number_here() % devices);
   if (ranks <= devices)
     check_devices_of_their_own(*job, std::move(cuda), faults);
   else
-    check_shared_device(*job, *cuda, faults);
+    check_shared_device(*job, std::move(cuda), faults);
   for (const std::string& fault : faults) std::fprintf(stderr, "%s\n", fault.c_str());
   if (rank == 0) std::printf("nccl_contract: %d ranks, %d devices\n", ranks, devices);
   return job->communicator().gather(Vector::Constant(1, double(faults.size()))).sum() > 0 ? 1 : 0;

@@ -2,6 +2,7 @@
 
 #include "cpu/cpu_backend.hpp"
 #include "tests/support/communicator_contract.hpp"
+#include "tests/support/row_ranks.hpp"
 #include "tests/support/thread_ranks.hpp"
 
 #include <gtest/gtest.h>
@@ -18,6 +19,16 @@ TEST(Communicator, OneRankTalksToItself) {
 TEST(Communicator, ThreadsAreRanks) {
   for (const int size : {1, 2, 3, 4, 7})
     on_threads(size, [](Communicator& ranks) { EXPECT_EQ(faults_of(ranks), std::vector<std::string>{}); });
+}
+
+TEST(Communicator, RowsTravelAsArrays) {
+  for (const int size : {1, 2, 3, 4})
+    on_threads(size, [](Communicator& ranks) {
+      const auto local = make_row_backend();
+      const auto rows = make_row_rank(ranks);
+      EXPECT_EQ(faults_of(*rows), std::vector<std::string>{});
+      EXPECT_EQ(faults_of_rows(*rows, *local), std::vector<std::string>{});
+    });
 }
 
 // The contract sees a communicator that drops the first value of a shift.

@@ -13,6 +13,7 @@
 #include "core/slabs/slabs.hpp"
 #include "tests/support/reference.hpp"
 #include "tests/support/refusal.hpp"
+#include "tests/support/row_ranks.hpp"
 #include "tests/support/run.hpp"
 #include "tests/support/thread_ranks.hpp"
 
@@ -80,11 +81,14 @@ TEST(SlabBackend, MovesValuesBetweenGrids) {
       };
       const auto expected = moved(*cpu);
       on_threads(ranks, [&](Communicator& communicator) {
-        const auto backend = make_slab_backend(make_cpu_backend(1), communicator);
-        const auto found = moved(*backend);
-        for (std::size_t i = 0; i < expected.size(); ++i)
-          EXPECT_LE(distance(found[i], expected[i]), 8 * epsilon * 10)
-              << ranks << " ranks, " << fine << ", value " << i;
+        for (const bool rows_travel : {false, true}) {
+          const auto backend =
+              rows_travel ? make_backend_over_rows(communicator) : make_slab_backend(make_cpu_backend(1), communicator);
+          const auto found = moved(*backend);
+          for (std::size_t i = 0; i < expected.size(); ++i)
+            EXPECT_LE(distance(found[i], expected[i]), 8 * epsilon * 10)
+                << ranks << " ranks, " << fine << ", value " << i << ", rows " << rows_travel;
+        }
       });
     }
 }
@@ -138,8 +142,12 @@ struct Case {
 std::vector<Case> cases() {
   const Scene face = make_scene("signorini3d", {{"Q", 5}}), line = make_scene("signorini", {{"Q", 15}}),
               dense = make_scene("dlcp-small", {});
-  return {{line, Method::multigrid, 1024}, {line, Method::contour, 500},     {face, Method::multigrid, 512},
-          {face, Method::contour, 500},    {dense, Method::multigrid, 1024}, {dense, Method::contour, 512}};
+  Scene insulated = line;  // modes that are no sine vectors
+  get<KroneckerDynamics>(insulated.dynamics).along.first = 1;
+  insulated.M = Tridiagonal{Vector::Zero(15), Vector::Constant(15, 4), Vector::Zero(15)};
+  return {{line, Method::multigrid, 1024},   {line, Method::contour, 500},        {face, Method::multigrid, 512},
+          {insulated, Method::contour, 500}, {insulated, Method::multigrid, 512}, {face, Method::contour, 500},
+          {dense, Method::multigrid, 1024},  {dense, Method::contour, 512}};
 }
 
 // The same problems are solved to the same tolerance of 1e-12; sums of carries round in another order.
@@ -164,6 +172,28 @@ TEST(SlabBackend, FindsTheSolutionOfOneRank) {
         });
       EXPECT_EQ(found.front(), found.back()) << "from run to run";
     }
+  }
+}
+
+// The same on arrays that are not in reach of the host, whose rows travel by themselves.
+TEST(SlabBackend, FindsTheSolutionWhereRowsTravel) {
+  const Scene line = make_scene("signorini", {{"Q", 7}}), face = make_scene("signorini3d", {{"Q", 3}}),
+              dense = make_scene("dlcp-small", {});
+  for (const Case& one : {Case{line, Method::multigrid, 768}, Case{line, Method::contour, 300},
+                          Case{face, Method::multigrid, 512}, Case{dense, Method::contour, 256}}) {
+    Options options = options_for(one.method, one.steps);
+    options.iteration_tolerance = 1e-14;
+    const Result expected = run(one.scene, options);
+    ASSERT_EQ(expected.status, Status::solved) << one.scene.name << ": " << expected.reason;
+    for (const int ranks : {2, 3, 4})
+      on_threads(ranks, [&](Communicator& communicator) {
+        const auto backend = make_backend_over_rows(communicator);
+        const Result result = solve(one.scene, *backend, options);
+        EXPECT_EQ(result.status, Status::solved) << one.scene.name << ": " << result.reason;
+        EXPECT_LE(distance(result.y, expected.y), 1e-12 * std::max(1., expected.y.cwiseAbs().maxCoeff()))
+            << one.scene.name << ", " << to_string(one.method) << ", " << ranks << " ranks";
+        EXPECT_LE(result.residual, 1e-12);
+      });
   }
 }
 

@@ -7,6 +7,7 @@
 #include "core/slabs/slabs.hpp"
 #include "tests/support/reference.hpp"
 #include "tests/support/reference_backend.hpp"
+#include "tests/support/row_ranks.hpp"
 #include "tests/support/run.hpp"
 #include "tests/support/thread_ranks.hpp"
 
@@ -19,9 +20,13 @@ namespace bromwich {
 namespace {
 
 using reference::Random;
-using MakeBackend = std::unique_ptr<Backend> (*)();
+using Divide = std::unique_ptr<Backend> (*)(Communicator&);
 
-std::unique_ptr<Backend> one_thread() { return make_cpu_backend(1); }
+// Arrays of the host, arrays elsewhere that are copied as a whole, and arrays elsewhere whose rows travel by
+// themselves.
+std::unique_ptr<Backend> on_host(Communicator& ranks) { return make_slab_backend(make_cpu_backend(1), ranks); }
+std::unique_ptr<Backend> elsewhere(Communicator& ranks) { return make_slab_backend(make_reference_backend(), ranks); }
+std::unique_ptr<Backend> elsewhere_by_host(Communicator& ranks) { return make_slab_backend(make_row_backend(), ranks); }
 
 ModalRecurrence some_modes(Index K, Index n) {
   Random random{17};
@@ -83,10 +88,11 @@ TEST(SlabConvolution, IsThatOfOneRank) {
       later.bottomRows(J + 1 - first) = Random(20).matrix(J + 1 - first, n);
       const auto cpu = make_cpu_backend(1);
       const RowMatrix expected = convolved(*cpu, recurrence, y, later, first);
-      for (const MakeBackend make : {MakeBackend(one_thread), MakeBackend(make_reference_backend)})
+      for (const Divide divide :
+           {Divide(on_host), Divide(elsewhere), Divide(elsewhere_by_host), Divide(make_backend_over_rows)})
         for (const int ranks : {1, 2, 3, 4, 7})
           on_threads(ranks, [&](Communicator& communicator) {
-            const auto backend = make_slab_backend(make(), communicator);
+            const auto backend = divide(communicator);
             const RowMatrix found = convolved(*backend, recurrence, y, later, first);
             EXPECT_LE(distance(found, expected), same_sum * expected.cwiseAbs().maxCoeff()) << ranks << " ranks";
           });

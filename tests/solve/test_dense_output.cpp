@@ -9,6 +9,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 namespace bromwich {
@@ -128,6 +129,32 @@ TEST(DenseOutput, ImplicitEulerTakesAShorterStep) {
   const Result result = solve(scene, *backend, options), between = at_times(scene, *backend, result, {0.3, 0.5});
   EXPECT_NEAR(between.x(0, 0), (result.x(2, 0) + 0.05) / 1.05, 1e-14);
   EXPECT_EQ(between.x(1, 0), result.x(4, 0));
+}
+
+// x = t - 1, w = x + y + g, g = -3 from t = 1.6 on: y = max(0, 1 - t) before and 4 - t after. Neither the switch at t = 1
+// nor the jump are points of the grid. All rules are exact for such x and y.
+TEST(DenseOutput, FollowsSwitchesAndJumpsInsideSteps) {
+  Scene scene;
+  scene.dynamics = DenseDynamics{Matrix{{0}}, Matrix{{0}}, Matrix{{1}}};
+  scene.M = Matrix{{1}};
+  scene.f = [](double, Eigen::Ref<Vector> f) { f << 1; };
+  scene.g = [](double t, Eigen::Ref<Vector> g) { g << (t < 1.6 ? 0 : -3); };
+  scene.x0 = Vector{{-1}};
+  scene.T = 3;
+  const auto backend = make_cpu_backend(1);
+  const std::vector<double> times{0.9, 0.95, 1.1, 1.55, 1.65, 2.9};
+  for (const Method method : {Method::march, Method::contour, Method::multigrid, Method::euler, Method::events})
+    for (const StateSelection states : {StateSelection::all, StateSelection::none}) {
+      Options options = options_for(method, 7);
+      options.states = states;
+      const Result between = at_times(scene, *backend, solve(scene, *backend, options), times);
+      for (Index k = 0; k < Index(times.size()); ++k) {
+        const double t = times[std::size_t(k)], y = t < 1.6 ? std::max(0.0, 1 - t) : 4 - t;
+        EXPECT_NEAR(between.y(k, 0), y, 1e-9) << to_string(method) << " at " << t;
+        const bool known = states == StateSelection::all;
+        EXPECT_NEAR(known ? between.x(k, 0) : t - 1, t - 1, 1e-9) << to_string(method) << " at " << t;
+      }
+    }
 }
 
 TEST(DenseOutput, EndsWithTheRowsThatAreValid) {

@@ -1,6 +1,7 @@
 // Method events by name: fixed steps, scenes that it refuses, residual.
 
 #include "core/catalogue/catalogue.hpp"
+#include "core/scene/relay.hpp"
 #include "tests/support/reference_backend.hpp"
 #include "tests/support/run.hpp"
 
@@ -38,6 +39,21 @@ TEST(EventControl, SaysWhatItDoesNotTake) {
     EXPECT_EQ(r->x.rows(), 21);
     EXPECT_TRUE(r->y.array().isNaN().all());
   }
+}
+
+// Two relays of one direction, x' = lambda_0 + lambda_1 + sin 3t, both in -Sgn(x): on x = 0 only their sum is known.
+TEST(EventControl, NamesAYThatIsOneOfSeveral) {
+  const auto f = [](double t, Eigen::Ref<Vector> v) { v.setConstant(std::sin(3 * t)); };
+  Scene scene = relay_scene(Matrix{{0}}, Matrix{{1, 1}}, Matrix{{1}, {1}}, f, Vector::Ones(1));
+  scene.T = 4;
+  Options options = options_for(Method::events);
+  options.tolerance = 1e-6;
+  options.states = StateSelection::all;
+  const Result r = run(scene, options);
+  ASSERT_EQ(r.status, Status::solved) << r.reason;
+  EXPECT_NE(r.warning.find("y is not unique"), std::string::npos) << r.warning;
+  EXPECT_NEAR(r.x(r.steps, 0), 0, 1e-6);
+  EXPECT_NEAR(2 - 2 * (r.y(r.steps, 0) + r.y(r.steps, 1)), -std::sin(12), 1e-6) << "the sum of both lambda";
 }
 
 // x' = v, v' = -x - 1/2 + y with a stop at x = 0, in units of 1, and in others by powers of ten.

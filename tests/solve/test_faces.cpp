@@ -2,6 +2,7 @@
 // and signorini3d by all methods.
 
 #include "core/catalogue/catalogue.hpp"
+#include "core/dynamics/second_difference.hpp"
 #include "core/host/face_lcp.hpp"
 #include "core/kernel/recurrence.hpp"
 #include "core/kernel/shells.hpp"
@@ -16,6 +17,8 @@
 #include <Eigen/Eigenvalues>
 
 #include <cmath>
+#include <memory>
+#include <utility>
 #include <vector>
 
 namespace bromwich {
@@ -48,7 +51,7 @@ TEST(Stencil, IsFoundAndDiagonalInSineModes) {
     ASSERT_TRUE(found);
     EXPECT_EQ(found->centre, s.centre);
     EXPECT_EQ(found->beside, s.beside);
-    const Matrix S = face_sine_matrix(s.extents), D = S * Matrix(M) * S;
+    const Matrix S = FaceBasis(s.extents).matrix(), D = S * Matrix(M) * S;
     EXPECT_LE((D - Matrix(found->eigenvalues().asDiagonal())).cwiseAbs().maxCoeff(), 1e-13);
     // The largest eigenvalue of I - M/a.
     const Matrix jacobi = Matrix::Identity(M.rows(), M.rows()) - Matrix(M) / s.centre;
@@ -70,8 +73,9 @@ TEST(Stencil, IsNotFoundWhereAnEntryDiffers) {
 
 TEST(FaceModes, AreTheProductsOfSineMatrices) {
   Vector v = Random(3).vector(4 * 3 * 5);
-  const Vector expected = face_sine_matrix({4, 3, 5}) * v;
-  to_face_modes({4, 3, 5}, v.data());
+  const FaceBasis basis{4, 3, 5};
+  const Vector expected = basis.matrix() * v;
+  basis.apply(Way::to_modes, v.data());
   EXPECT_LE((v - expected).cwiseAbs().maxCoeff(), 1e-14);
 }
 
@@ -80,9 +84,9 @@ TEST(FaceLcp, SolvesTheProblemOfAStep) {
   for (const Stencil& s : stencils()) {
     const SparseMatrix M = written_stencil(s);
     const Index n = M.rows();
-    const Matrix S = face_sine_matrix(s.extents);
+    const Matrix S = FaceBasis(s.extents).matrix();
     const Vector w0 = Vector::LinSpaced(n, -0.8, -0.1);
-    const auto lcp = host::FaceLcp::make(SparseLcpMatrix(M), s.extents, w0, [&](const double* in, double* out) {
+    const auto lcp = host::FaceLcp::make(SparseLcpMatrix(M), s.extents, w0, [&](Way, const double* in, double* out) {
       Eigen::Map<Vector>(out, n) = S * Eigen::Map<const Vector>(in, n);
     });
     ASSERT_TRUE(lcp);
@@ -101,7 +105,7 @@ TEST(FaceLcp, SolvesTheProblemOfAStep) {
     EXPECT_FALSE(lcp->solve(Vector::Constant(n, NAN), unknown).solved);
   }
   const Stencil s = stencils()[0];
-  const auto unused = [](const double*, double*) {};
+  const auto unused = [](Way, const double*, double*) {};
   const Vector all = Vector::Constant(28, -5);  // M + W_0 is not positive definite
   EXPECT_FALSE(host::FaceLcp::make(SparseLcpMatrix(written_stencil(s)), s.extents, all, unused));
 }
@@ -135,28 +139,41 @@ TEST(Shells, KeepTheWeightsWithFewerRates) {
 
 class Faces : public BackendTest {};
 
+// With sine modes, others, and both.
+std::vector<FaceBasis> bases() {
+  const auto reflecting = [](Index n, double first, double last) {
+    return LineBasis{n, std::make_shared<const Matrix>(SecondDifference{n, 1. / double(n), 1, first, last}.modes())};
+  };
+  std::vector<FaceBasis> all{{15, 15}, {31, 15}, {15, 127}, {5, 8}, {1, 7}, {3, 4, 5}, {12}};
+  for (const Index n : {1, 2, 13, 64}) all.emplace_back(std::vector<LineBasis>{reflecting(n, 1, 0.3)});
+  all.emplace_back(std::vector<LineBasis>{reflecting(15, 1, 1), {15}});
+  all.emplace_back(std::vector<LineBasis>{reflecting(5, 1, 1), reflecting(8, 0.2, 0)});
+  all.emplace_back(std::vector<LineBasis>{{3}, reflecting(4, 1, 0), {5}});
+  return all;
+}
+
 INSTANTIATE_TEST_SUITE_P(Contract, Faces, testing::ValuesIn(backend_cases()), backend_case_name);
 
 // Two directions, with and without 2^k - 1 points, and three.
 TEST_P(Faces, TransformEqualsTheDenseMatrix) {
-  for (const std::vector<Index>& extents :
-       {std::vector<Index>{15, 15}, {31, 15}, {15, 127}, {5, 8}, {1, 7}, {3, 4, 5}, {12}})
-    for (const Index rows : {1, 6}) {
-      const Matrix S = face_sine_matrix(extents);
+  for (const FaceBasis& basis : bases())
+    for (const auto& [rows, way] :
+         {std::pair<Index, Way>{1, Way::to_modes}, {1, Way::to_points}, {6, Way::to_modes}, {70, Way::to_points}}) {
+      const Matrix V = basis.matrix(), S = way == Way::to_modes ? V : Matrix(V.transpose());
       const Index n = S.rows();
       const RowMatrix values = Random(std::uint32_t(n)).matrix(rows, n), addend = Random(9).matrix(rows, n);
       const RowMatrix exact = values * S;
       const double tolerance = 8 * epsilon * std::sqrt(double(n));
       const auto in = device(values), add = device(addend), out = device(addend);
-      const auto sine = backend->face_transform(extents, rows);
-      sine->apply(*in, nullptr, *out, rows - 1);
+      const auto transform = backend->face_transform(basis, rows, way);
+      transform->apply(*in, nullptr, *out, rows - 1);
       EXPECT_LE((host(*out).bottomRows(1) - exact.bottomRows(1)).cwiseAbs().maxCoeff(), tolerance);
       EXPECT_EQ(host(*out).topRows(rows - 1), addend.topRows(rows - 1));
-      sine->apply(*in, nullptr, *out, 0);
+      transform->apply(*in, nullptr, *out, 0);
       EXPECT_LE((host(*out) - exact).cwiseAbs().maxCoeff(), tolerance);
-      sine->apply(*in, add.get(), *out, 0);
+      transform->apply(*in, add.get(), *out, 0);
       EXPECT_LE((host(*out) - addend - exact).cwiseAbs().maxCoeff(), tolerance);
-      sine->apply(*in, add.get(), *add, 0);
+      transform->apply(*in, add.get(), *add, 0);
       EXPECT_LE((host(*add) - addend - exact).cwiseAbs().maxCoeff(), tolerance);
       EXPECT_EQ(host(*in), values);
     }
@@ -170,7 +187,7 @@ TEST_P(Faces, TransformManyFaces) {
     const Matrix S = sine_matrix(Q);
     const RowMatrix values = Random(5).matrix(rows, Q * Q);
     const auto in = device(values), out = device(RowMatrix::Constant(rows, Q * Q, NAN));
-    backend->face_transform({Q, Q}, rows)->apply(*in, nullptr, *out, 0);
+    backend->face_transform({Q, Q}, rows, Way::to_modes)->apply(*in, nullptr, *out, 0);
     const RowMatrix found = host(*out);
     for (Index j = 0; j < rows; j = j + 2 < rows ? j + 37 : rows) {
       const Eigen::Map<const RowMatrix> X(values.row(j).data(), Q, Q), Y(found.row(j).data(), Q, Q);

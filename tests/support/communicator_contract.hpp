@@ -1,6 +1,7 @@
 #pragma once
 // What every communicator has to do, whatever its transport. All ranks call it; it returns what was wrong on this one.
 
+#include "core/seam/backend.hpp"
 #include "core/seam/communicator.hpp"
 
 #include <cmath>
@@ -58,6 +59,53 @@ inline std::vector<std::string> faults_of(Communicator& ranks) {
   ranks.shift(none, nothing);
   ranks.maximum(none);
   check(ranks.gather(none).size() == 0, "empty messages are not empty");
+  return faults;
+}
+
+/// The same for one whose rows travel as arrays of `local`.
+inline std::vector<std::string> faults_of_rows(Communicator& ranks, Backend& local) {
+  std::vector<std::string> faults;
+  const int rank = ranks.rank(), size = ranks.size();
+  const auto check = [&](bool holds, const char* what) {
+    if (!holds) faults.push_back("rank " + std::to_string(rank) + " of " + std::to_string(size) + ": " + what);
+  };
+  check(ranks.moves_rows(), "rows do not travel");
+  for (const Index cols : {1, 3, 40}) {
+    const auto values_of = [cols](int r) {
+      RowMatrix values(5, cols);
+      for (Index i = 0; i < values.size(); ++i) values.data()[i] = 1000. * r + double(i);
+      return values;
+    };
+    const auto array = local.array(5, cols), other = local.array(5, cols);
+    const Traffic before = ranks.sent();
+    local.upload(values_of(rank), *array);
+    local.upload(RowMatrix::Constant(5, cols, -1), *other);
+    ranks.shift({{array.get(), 4, other.get(), 0, 1}, {array.get(), 1, other.get(), 2, 2}});
+    RowMatrix expected = RowMatrix::Constant(5, cols, -1), found;
+    if (rank > 0) {
+      expected.row(0) = values_of(rank - 1).row(4);
+      expected.middleRows(2, 2) = values_of(rank - 1).middleRows(1, 2);
+    }
+    local.download(*other, found);
+    check(found == expected, "shift does not give the rows of the rank before");
+    check(ranks.sent().shifted - before.shifted == (rank + 1 < size ? 24 * std::size_t(cols) : 0),
+          "shifted rows are not counted as sent to the next rank");
+
+    const auto one = local.array(1, cols), all = local.array(size, cols);
+    local.upload(values_of(rank).row(2), *one);
+    ranks.gather(*one, *all);
+    local.download(*all, found);
+    for (int r = 0; r < size; ++r)
+      check(found.row(r) == values_of(r).row(2), "gather does not give all rows in the order of the ranks");
+    for (int root = 0; root < size; ++root) {
+      local.upload(values_of(rank), *array);
+      ranks.broadcast(*array, 1, 3, root);
+      local.download(*array, found);
+      expected = values_of(rank);
+      expected.middleRows(1, 3) = values_of(root).middleRows(1, 3);
+      check(found == expected, "broadcast does not give the rows of its root");
+    }
+  }
   return faults;
 }
 

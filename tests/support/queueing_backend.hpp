@@ -40,7 +40,7 @@ class QueueingBackend final : public Backend {
   }
   void add(const Array& b, double s, const Array& c, Array& a) override { host_->add(b, s, c, a); }
   std::unique_ptr<Differences> differences(std::size_t slots) override { return host_->differences(slots); }
-  std::unique_ptr<SineTransform> sine_transform(Index n, Index rows) override { return host_->sine_transform(n, rows); }
+  std::unique_ptr<RowTransform> sine_transform(Index n, Index rows) override { return host_->sine_transform(n, rows); }
   std::unique_ptr<Convolution> convolution(WeightsRef weights, Index rows) override {
     return host_->convolution(weights, rows);
   }
@@ -56,7 +56,7 @@ class QueueingBackend final : public Backend {
     Batch(QueueLog& log, Backend& host, std::unique_ptr<LcpBatch> plan)
         : LcpBatch(false), log(log), host(host), plan(std::move(plan)) {
       if (log.modes)
-        submit_in_modes = [this](SineTransform& S, const Array& r, const Array& v, bool v_in_modes, Array& y,
+        submit_in_modes = [this](RowTransform& S, const Array& r, const Array& v, bool v_in_modes, Array& y,
                                  Array* y_modes, Index first) { in_modes(S, r, v, v_in_modes, y, y_modes, first); };
     }
     void submit(const Array& r, const Array& v, Array& y, Index first, double settle) override {
@@ -74,7 +74,7 @@ class QueueingBackend final : public Backend {
     }
     LcpReport finish(const Array&, const Array&, Array&, Index, double) override { return last; }
     LcpReport collect() override { return std::exchange(sum, {}); }
-    void in_modes(SineTransform& S, const Array& r, const Array& v, bool v_in_modes, Array& y, Array* y_modes,
+    void in_modes(RowTransform& S, const Array& r, const Array& v, bool v_in_modes, Array& y, Array* y_modes,
                   Index first) {
       ++log.in_modes;
       const auto values = host.array(v.rows(), v.cols());

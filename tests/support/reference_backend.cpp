@@ -3,10 +3,12 @@
 #include <bromwich/core/base/error.hpp>
 #include <bromwich/core/lcp/active_set.hpp>
 #include <bromwich/core/seam/shared_memory.hpp>
+#include "face_oracle.hpp"
 #else
 #include "core/base/error.hpp"
 #include "core/lcp/active_set.hpp"
 #include "core/seam/shared_memory.hpp"
+#include "tests/support/face_oracle.hpp"
 #include "tests/support/reference_backend.hpp"
 #endif
 
@@ -34,29 +36,20 @@ std::size_t bytes_of(const Eigen::MatrixBase<Derived>& a) {
   return sizeof(double) * std::size_t(a.size());
 }
 
-Matrix sine_matrix(Index n) {
-  Matrix S(n, n);
-  for (Index i = 1; i <= n; ++i)
-    for (Index k = 1; k <= n; ++k)
-      S(i - 1, k - 1) =
-          std::sqrt(2 / double(n + 1)) * std::sin(std::numbers::pi * double(i * k % (2 * (n + 1))) / double(n + 1));
-  return S;
-}
-
-class NaiveSine final : public SineTransform {
+class NaiveTransform final : public RowTransform {
  public:
-  explicit NaiveSine(Index n) : S_(sine_matrix(n)) {}
+  NaiveTransform(const FaceBasis& basis, Way way) : transform_(basis, way) {}
   void apply(const Array& in, const Array* add, Array& out, Index first) override {
     for (Index j = first; j < in.rows(); ++j) {
-      Vector v = S_ * values(in).row(j).transpose();
+      Vector v = transform_(values(in).row(j).transpose());
       if (add) v += values(*add).row(j).transpose();
       values(out).row(j) = v.transpose();
     }
   }
-  std::size_t bytes() const override { return bytes_of(S_); }
+  std::size_t bytes() const override { return 0; }
 
  private:
-  Matrix S_;
+  FaceOracle transform_;
 };
 
 // Steps the state z of a recurrence: `known` is v_j without W_0 u_j, `take` advances with u_j.
@@ -248,22 +241,25 @@ class NaiveMarch final : public ImmediateMarch {
   MarchReport run(Array& y, Array& v) override {
     RowMatrix &Y = values(y), &V = values(v);
     const Index n = Y.cols();
-    const Matrix M = to_dense(*problem_.M), S = modal_ ? sine_matrix_of_modes() : Matrix(Matrix::Identity(n, n));
+    const Matrix M = to_dense(*problem_.M);
+    const Matrix Q = modal_ ? FaceOracle(std::get<const ModalRecurrence*>(weights_)->basis(), Way::to_points).matrix()
+                            : Matrix(Matrix::Identity(n, n));
     Matrix W(n, n);
     const auto z = recursion(weights_, &problem_);
-    for (Index i = 0; i < n; ++i) W.col(i) = S * z->implicit(S.col(i));
+    for (Index i = 0; i < n; ++i) W.col(i) = Q * z->implicit(Q.row(i).transpose());
     const LcpClass step_class = classify(LcpMatrix(Matrix(M + W)));
     const bool least = problem_.lcp_class == LcpClass::Z;
     ActiveSetLcp solver(M + W, step_class, least ? &M : nullptr);
     const auto drive = [&](Index j) {
-      return problem_.drive ? Vector(S * values(*problem_.drive).row(j).transpose()) : Vector(Vector::Zero(n));
+      return problem_.drive ? Vector(Q.transpose() * values(*problem_.drive).row(j).transpose())
+                            : Vector(Vector::Zero(n));
     };
     MarchReport report;
     report.well_posed = least || step_class == LcpClass::P || step_class == LcpClass::PSD;
     V.row(0).setZero();
-    z->start(S * Y.row(0).transpose() + drive(0));
+    z->start(Q.transpose() * Y.row(0).transpose() + drive(0));
     for (Index j = 1; j < Y.rows(); ++j) {
-      const Vector known = S * (z->known(j) + z->implicit(drive(j)));
+      const Vector known = Q * (z->known(j) + z->implicit(drive(j)));
       const Vector q = values(*problem_.r).row(j).transpose() + known;
       Vector now;
       const bool stop = j % 64 == 0 && problem_.interrupted && problem_.interrupted();
@@ -277,7 +273,7 @@ class NaiveMarch final : public ImmediateMarch {
       }
       Y.row(j) = now.transpose();
       V.row(j) = (known + W * now).transpose();
-      z->take(j, S * now + drive(j));
+      z->take(j, Q.transpose() * now + drive(j));
     }
     return report;
   }
@@ -292,18 +288,6 @@ class NaiveMarch final : public ImmediateMarch {
     ++(outcome.solved ? report.count.solved : report.count.unsolved);
     if (outcome.infeasible && problem_.lcp_class != LcpClass::P) report.infeasible = j;
     return outcome.solved;
-  }
-
-  // The Kronecker product over the directions of a face, entry by entry.
-  Matrix sine_matrix_of_modes() const {
-    Matrix S = Matrix::Ones(1, 1);
-    for (const Index n : std::get<const ModalRecurrence*>(weights_)->extents()) {
-      const Matrix outer = S, inner = sine_matrix(n);
-      S.resize(outer.rows() * n, outer.cols() * n);
-      for (Index i = 0; i < S.rows(); ++i)
-        for (Index j = 0; j < S.cols(); ++j) S(i, j) = outer(i / n, j / n) * inner(i % n, j % n);
-    }
-    return S;
   }
 
   MarchProblem problem_;
@@ -333,7 +317,11 @@ class NaiveDifferences final : public Differences {
 
 class ReferenceBackend final : public Backend, public SharedMemory {
  public:
-  ReferenceBackend() : Backend("reference") {}
+  ReferenceBackend() : Backend("reference") {
+    fused_.face_transform = [](const FaceBasis& basis, Index, Way way) {
+      return std::make_unique<NaiveTransform>(basis, way);
+    };
+  }
   DeviceInfo device() const override { return {"naive loops", 1, ""}; }
   std::unique_ptr<Array> array(Index rows, Index cols) override { return std::make_unique<NaiveArray>(rows, cols); }
   void upload(const RowMatrix& from, Array& to) override { values(to).topRows(from.rows()) = from; }
@@ -370,7 +358,9 @@ class ReferenceBackend final : public Backend, public SharedMemory {
   void add_product(const LcpMatrix& M, const Array& y, Array& q) override {
     values(q) += values(y) * to_dense(M).transpose();
   }
-  std::unique_ptr<SineTransform> sine_transform(Index n, Index) override { return std::make_unique<NaiveSine>(n); }
+  std::unique_ptr<RowTransform> sine_transform(Index n, Index) override {
+    return std::make_unique<NaiveTransform>(FaceBasis{n}, Way::to_modes);
+  }
   std::unique_ptr<Convolution> convolution(WeightsRef weights, Index) override {
     return std::make_unique<NaiveConvolution>(weights);
   }

@@ -1,4 +1,5 @@
 #include "tests/support/trust.hpp"
+#include "core/solve/scaling.hpp"
 
 #include <Eigen/Dense>
 
@@ -8,6 +9,14 @@
 
 namespace bromwich::oracle {
 namespace {
+
+/// max(c_i, 1e-3 of the largest component), compared in natural units.
+Vector measure(const Vector& largest, const std::vector<int>& units) {
+  if (units.empty()) return oracle::measure(largest);
+  Vector one(largest.size());
+  for (Index i = 0; i < one.size(); ++i) one[i] = times_ten_to(units[std::size_t(i)], 1);
+  return oracle::measure(Vector(largest.cwiseQuotient(one))).cwiseProduct(one);
+}
 
 /// Largest distance of `found` from the range of values around t, where the solution may jump; value(t, left) is known
 /// to within `doubt`.
@@ -39,8 +48,9 @@ TrueError true_error(const SourceScene& s, const EventSolution& truth, const Res
   const double T = s.base.scene.T;
   TrueError e;
   e.of_mean = (r.errors && r.errors->of_integral) || truth.jumps > 0;
-  const Vector size_x = measure(truth.largest_x());
-  const Vector size_y = measure(e.of_mean ? truth.largest_integral() : truth.largest_y());
+  const NaturalUnits units = natural_units(s.scene);
+  const Vector size_x = measure(truth.largest_x(), units.x);
+  const Vector size_y = measure(e.of_mean ? truth.largest_integral() : truth.largest_y(), units.y);
   const RowMatrix mean = e.of_mean ? RowMatrix(integral_of_y(r) / (s.unit_y * s.unit_t)) : RowMatrix();
   const Vector known = Vector::Zero(size_x.size()), doubt = (e.of_mean ? T : 1.0) * truth.doubt;
   const Index J = r.y.rows() - 1;

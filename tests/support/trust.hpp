@@ -1,6 +1,7 @@
 #pragma once
 // Judges a result by the true solution: distance of y (or of its mean over [0, t], if the result reports that) and of x
-// from the event-located oracle, each component relative to max(max_t |c_i|, 1e-3 of the largest of its kind).
+// from the event-located oracle, each component relative to max(max_t |c_i|, 1e-3 of the largest of its kind, in the
+// natural units of the solver).
 
 #include "core/solve/solve.hpp"
 #include "tests/support/oracle_events.hpp"

@@ -1,0 +1,126 @@
+#include "core/solve/symmetric_form.hpp"
+
+#include "core/base/timer.hpp"
+#include "core/dynamics/grid_system.hpp"
+#include "core/lcp/class_traits.hpp"
+#include "core/lcp/lcp_class.hpp"
+#include "core/solve/prepared.hpp"
+#include "core/solve/scaling.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+namespace bromwich {
+
+namespace {
+
+bool takes_modes(Method method) {
+  return method != Method::galerkin && method != Method::goal && method != Method::events;
+}
+
+bool is_diagonal(const LcpMatrix& M) {
+  bool found = true;
+  const auto look = [&found](Index i, Index j, double entry) { found = found && (i == j || entry == 0); };
+  if (const auto* t = std::get_if<Tridiagonal>(&M)) {
+    each_entry(*t, look);
+    return found;
+  }
+  const SparseMatrix* sparse = sparse_of(M);
+  const SparseMatrix entries = sparse ? *sparse : SparseMatrix(std::get<Matrix>(M).sparseView(0, 0));
+  for (Index j = 0; j < entries.outerSize(); ++j)
+    for (SparseMatrix::InnerIterator a(entries, j); a; ++a) look(a.row(), a.col(), a.value());
+  return found;
+}
+
+const SymmetricForm* form_of(const Scene& scene, const InnerOptions& options) {
+  const auto* grid = dynamic_cast<const GridSystem*>(&*scene.dynamics);
+  if (!grid || !grid->symmetric_form()) return nullptr;
+  const bool of_states = scene.f && scene.f_entry != SourceEntry::through_B;
+  if (of_states || scene.boundary || !scene.free_rows.empty() || controls_error(options)) return nullptr;
+  if (!takes_modes(options.method) || options.event_location) return nullptr;
+  const LcpClass c = known_class(scene.M, scene.lcp_class);
+  if (!is_diagonal(scene.M) && !has_one_solution(c) && !selects_least(c)) return nullptr;
+  return grid->symmetric_form().get();
+}
+
+TimeFunction times(const TimeFunction& function, const Vector& factors) {
+  if (!function) return function;
+  if (const auto* separable = function.separable()) {
+    SeparableSource scaled = *separable;
+    scaled.shapes = factors.asDiagonal() * scaled.shapes;
+    return scaled;
+  }
+  return [function, factors](double t, Eigen::Ref<Vector> value) {
+    function(t, value);
+    value.array() *= factors.array();
+  };
+}
+
+LcpMatrix similar(const LcpMatrix& M, const Vector& y) {
+  const Vector inverse = y.cwiseInverse();
+  if (const auto* dense = std::get_if<Matrix>(&M)) return Matrix(inverse.asDiagonal() * *dense * y.asDiagonal());
+  if (const auto* sparse = sparse_of(M))
+    return SparseLcpMatrix(SparseMatrix(inverse.asDiagonal() * *sparse * y.asDiagonal()));
+  Tridiagonal t = std::get<Tridiagonal>(M);
+  each_entry(t, [&](Index i, Index j, double& entry) {
+    if (i != j) entry *= y[j] / y[i];
+  });
+  return t;
+}
+
+Scene in_form(const Scene& scene, const SymmetricForm& form) {
+  Scene symmetric = scene;
+  symmetric.port = {};
+  symmetric.exact = {};
+  symmetric.dynamics = form.modes;
+  symmetric.M = similar(scene.M, form.y);
+  symmetric.f = times(scene.f, form.y.cwiseInverse());
+  symmetric.g = times(scene.g, form.y.cwiseInverse());
+  symmetric.x0 = scene.x0.cwiseQuotient(form.x);
+  return symmetric;
+}
+
+void scale_back(const SymmetricForm& form, Result& result) {
+  for (RowMatrix* table : {&result.y, &result.y_left, &result.y_integral, &result.trace})
+    if (table->size() > 0) *table = *table * form.y.asDiagonal();
+  for (std::size_t c = 0; c < result.x_components.size() && result.x.size() > 0; ++c)
+    result.x.col(Index(c)) *= form.x[result.x_components[c]];
+  result.rounding_of_y *= form.y.maxCoeff();
+  result.kernel_error *= form.y.maxCoeff() / form.y.minCoeff();
+  result.kernel += "; in the symmetric form of constant advection";
+}
+
+}  // namespace
+
+std::optional<Result> solve_in_symmetric_form(const Scene& scene, Backend& backend, const InnerOptions& options,
+                                              const Solve& solve) {
+  const SymmetricForm* form = form_of(scene, options);
+  if (!form) return std::nullopt;
+  Timer timer;
+  Scene symmetric = in_form(scene, *form);
+  InnerOptions inner = options;
+  inner.trace = true;
+  if (options.prepared)
+    symmetric.dynamics = options.prepared->reduced(Reduction::symmetric, scene.dynamics, symmetric.dynamics);
+  RowMatrix first;
+  if (options.tuning.first_iterate && options.tuning.first_iterate->cols() == scene.constraints()) {
+    first = *options.tuning.first_iterate * form->y.cwiseInverse().asDiagonal();
+    inner.tuning.first_iterate = &first;
+  }
+  const double before = timer.lap();
+  Result result = solve(symmetric, backend, inner);
+  timer.lap();
+  scale_back(*form, result);
+  if (!std::isnan(result.residual))
+    if (const double residual = stated_residual(scene, result); !std::isnan(residual)) result.residual = residual;
+  if (!options.trace) result.trace.resize(0, 0);
+  const double behind = timer.lap();
+  result.seconds.setup += before;
+  result.seconds.solve += behind;
+  result.seconds.other += behind;
+  result.seconds.total += before + behind;
+  return result;
+}
+
+}  // namespace bromwich
