@@ -13,6 +13,7 @@ struct DerivativeCheck {
   Index states = 0, constraints = 0, steps = 0;
   std::string kind;    ///< "discrete", "in modes", "over all times" or "located"; empty: none
   std::string reason;  ///< why there is none
+  double T = 0;        ///< half of that of the scene, or less, where solutions grow so that rounding hides differences
   double margin = NAN;
   /// By x0, f, g, A, B, N, M, E: the largest difference over the largest change, of y or x, whichever is larger.
   std::map<std::string, double> error;

@@ -41,7 +41,7 @@ std::vector<Given> all_scenes(const BenchRequest& request) {
   return all;
 }
 
-Json to_json(const Given& given, const DerivativeCheck& c) {
+Json row_of(const Given& given, const DerivativeCheck& c) {
   Json row{{"scene", given.name}, {"states", c.states}, {"constraints", c.constraints}, {"kind", c.kind}};
   row["reason"] = c.reason;
   row["error"] = c.error;
@@ -49,6 +49,7 @@ Json to_json(const Given& given, const DerivativeCheck& c) {
   if (c.kind.empty()) return row;
   row[c.kind == "located" ? "switches" : "steps"] = c.steps;
   row["margin"] = c.margin;
+  row["T"] = c.T;
   row["identity"] = std::isnan(c.identity) ? Json() : Json(c.identity);
   row["largest_error"] = c.largest_error();
   row["noise"] = c.noise;
@@ -65,6 +66,8 @@ BenchReport bench_derivatives(const BenchRequest& request, Backend& backend) {
       "by each datum: largest |jvp - central difference| over the largest change, of y or of x (with located switches "
       "of "
       "the integral of y, too), whichever is larger, over all time points";
+  report.details["T"] =
+      "half of that of the scene, or less, where it grows so that the noise of differences is above 1e-6";
   report.details["noise"] = "of the discrete solution: the same between two differences with steps of 1 : 2";
   report.details["passes"] = "error at most 1e-6 (located: 1e-4), or ten times the noise of the differences";
   report.details["identity"] = "largest |<u, J v> - <J^T u, v>| / (|u| |J v|), u and v drawn";
@@ -80,7 +83,7 @@ BenchReport bench_derivatives(const BenchRequest& request, Backend& backend) {
     } catch (const Error& unread) {
       c.reason = unread.what();
     }
-    const Json row = to_json(given, c);
+    const Json row = row_of(given, c);
     if (!c.kind.empty()) (c.passes() ? passed : failed) += 1;
     std::string refused = c.reason;
     for (const auto& [name, why] : c.refused) refused += (refused.empty() ? "" : ", ") + name;
