@@ -78,7 +78,7 @@ std::vector<Change> changes_of_any(const Scene& scene, const Vector& t, bool by_
   all[3].name = "M";
   const Matrix M = to_dense(scene.M);
   all[3].data.M = size_of(M) * draw.matrix(n, n);
-  if (scene.lcp_class == LcpClass::Z)
+  if (selects_least(scene.lcp_class))
     all[3].data.M.array() *= (M.array() != 0).cast<double>();  // signs of entries stay
   all[3].scene = [&scene, M, more = all[3].data.M](double by) {
     Scene s = scene;

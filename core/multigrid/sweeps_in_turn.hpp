@@ -17,7 +17,9 @@ class SweepsInTurn final : public LcpBatch {
  public:
   /// All at once or none.
   explicit SweepsInTurn(std::vector<std::unique_ptr<LcpBatch>> sweeps)
-      : LcpBatch(sweeps.front()->at_once, sweeps.front()->recorded), sweeps_(std::move(sweeps)), next_(sweeps_.size() - 1) {
+      : LcpBatch(sweeps.front()->at_once, sweeps.front()->recorded),
+        sweeps_(std::move(sweeps)),
+        next_(sweeps_.size() - 1) {
     if (std::all_of(sweeps_.begin(), sweeps_.end(), [](const auto& s) { return bool(s->submit_in_modes); }))
       submit_in_modes = [this](RowTransform& S, const Array& r, const Array& v, bool v_in_modes, Array& y,
                                Array* y_modes,

@@ -8,8 +8,9 @@
 // 4. v of the slab: a convolution of this rank alone, which begins with z(b_r) where it has a state.
 // 5. v_j += C E^{j-1-b_r} z(b_r) where it has none, as far as z is remembered.
 //
-// What is below `forgotten` (core/seam/slab_operations.hpp), relative to its value in the beginning, is left out in 1, 3
-// and 5. A backend with the operations on rows of that file does all of it in its own memory, and its plans begin with z.
+// What is below `forgotten` (core/seam/slab_operations.hpp), relative to its value in the beginning, is left out in 1,
+// 3 and 5. A backend with the operations on rows of that file does all of it in its own memory, and its plans begin
+// with z.
 //
 // Bytes that all R ranks send for one convolution, with n columns and K exponentials a mode, P of which (of n K)
 // outlive the shortest slab between two others:  8 ((R - 1) n (K + 1) + R (R - 1) P) in modes, P = 0 for R = 2. A dense

@@ -82,8 +82,8 @@ class Bends {
   bool everywhere_;
 };
 
-// The steps from a time point to a place behind it. A step that its march has divided, where transients are faster than a
-// step, is divided here too: with small states that costs little.
+// The steps from a time point to a place behind it. A step that its march has divided, where transients are faster than
+// a step, is divided here too: with small states that costs little.
 Index steps_between(const Scene& scene, Method method) {
   constexpr Index parts = 16;
   return scene.dynamics->small_state() && method != Method::euler ? parts : 1;

@@ -41,8 +41,6 @@ std::optional<LocatedValues> LocatedValues::find(const Scene& given) {
 
 Vector LocatedValues::x(double t) const { return in_units_of_scene(solution_.x(t, true), units_.x); }
 
-Vector LocatedValues::y(double t) const {
-  return in_units_of_scene(solution_.y(t, true).cwiseMax(0), units_.y);
-}
+Vector LocatedValues::y(double t) const { return in_units_of_scene(solution_.y(t, true).cwiseMax(0), units_.y); }
 
 }  // namespace bromwich

@@ -43,8 +43,8 @@ TEST(EventDriven, ABallComesToRestOnARigidFloor) {
   EXPECT_NEAR(s.integral_of_y(3, true)[0], 1 + 2, 1e-9) << "the impulse and the weight";
 }
 
-// x' = -x + 2 lambda, lambda in -Sgn(x - sin t), x(0) = 0: x = sin t slides from the start, where x, its surface and all
-// that was seen of them are zero. 2 lambda = cos t + sin t, y_0 = (1 - lambda)/2.
+// x' = -x + 2 lambda, lambda in -Sgn(x - sin t), x(0) = 0: x = sin t slides from the start, where x, its surface and
+// all that was seen of them are zero. 2 lambda = cos t + sin t, y_0 = (1 - lambda)/2.
 TEST(EventDriven, ARelaySlidesFromTheOrigin) {
   const auto e = [](double t, Eigen::Ref<Vector> v) { v.setConstant(-std::sin(t)); };
   Scene scene = relay_scene(Matrix{{-1}}, Matrix{{2}}, Matrix{{1}}, {}, Vector::Zero(1), e);
