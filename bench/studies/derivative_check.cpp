@@ -26,6 +26,7 @@ constexpr double largest_step = 1e-5;  ///< of a difference, relative: its error
 constexpr double within_reach = 0.3;   ///< of the change that leaves the active sets, to first order
 constexpr double located_steps[] = {1e-4, 1e-5, 1e-6, 1e-7};
 constexpr double most_noise = 1e-2;  ///< differences with more say nothing
+constexpr int most_halved = 4;       ///< times that T is halved where they do
 constexpr Index located_points = 64;
 constexpr Index most_located = 64;  ///< states
 
