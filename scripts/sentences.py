@@ -73,8 +73,6 @@ def trust_later():
         if scene["verdict"] == "wrong":
             yield (f"The wrong one, {scene['seed']}, has several solutions too, which `warning` says: the mean of y errs by "
                    f"{scene['error_y'] / data['tolerance']:.0f} times the tolerance, x by {scene['error_x']:.0e}.".replace("e-0", "e-"))
-    methods = sorted({scene["method"] for scene in data["scenes"] if scene["verdict"] == "missed"})
-    yield f"The missed ones were solved by {' and '.join(f'`{m}`' for m in methods)},"
 
 
 sentences = {
