@@ -21,7 +21,7 @@ class CarriedConvolution : public Convolution {
 
   /// to <- z after the last row of y, as if z were 0 in row 0; on the first rank z begins with y_0 and x0. `apply` to
   /// this y comes next.
-  /// outliving <- the values of z that are not forgotten in a whole slab; null if there are none.
+  /// outliving <- the values of z that a whole slab does not forget; null where `lasting` is 0.
   virtual void leave(const Array& y, Array& to, Array* outliving) = 0;
   /// From now on `apply` begins with z in row 0: `left` by the rank before, and what ranks before it have left
   /// outliving (row r of `of_all`: rank r).
