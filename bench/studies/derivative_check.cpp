@@ -232,13 +232,16 @@ double DerivativeCheck::largest_noise() const {
   return largest;
 }
 
-bool DerivativeCheck::passes() const {
+Verdict DerivativeCheck::verdict() const {
   const double tolerance = kind == "located" ? expected_located : expected_discrete;
+  Verdict found = error.empty() ? Verdict::undecided : Verdict::agrees;
   for (const auto& [name, e] : error) {
+    if (e <= tolerance) continue;
     const auto own = noise.find(name);
-    if (!(e <= std::max(tolerance, own == noise.end() ? 0 : 10 * own->second))) return false;
+    if (own == noise.end() || !(e <= 10 * own->second)) return Verdict::differs;
+    found = Verdict::undecided;
   }
-  return !error.empty();
+  return found;
 }
 
 namespace {

@@ -9,6 +9,12 @@
 
 namespace bromwich::app {
 
+enum class Verdict {
+  agrees,     ///< all errors are below the tolerance of their kind
+  undecided,  ///< some are not, but ten times the noise of the differences is as large
+  differs
+};
+
 struct DerivativeCheck {
   Index states = 0, constraints = 0, steps = 0;
   std::string kind;    ///< "discrete", "in modes", "over all times" or "located"; empty: none
@@ -24,8 +30,7 @@ struct DerivativeCheck {
 
   double largest_error() const;
   double largest_noise() const;
-  /// Whether the derivative is that of the differences: to the tolerance of its kind, or to ten times their noise.
-  bool passes() const;
+  Verdict verdict() const;
 };
 
 /// Of the discrete solution where y is continuous, with located switches where it may jump. The changes are drawn; f

@@ -13,6 +13,14 @@ LcpMatrix transposed(const LcpMatrix& M) {
   return t;
 }
 
+LcpMatrix absolute(const LcpMatrix& M) {
+  if (const auto* dense = std::get_if<Matrix>(&M)) return Matrix(dense->cwiseAbs());
+  if (const SparseMatrix* sparse = sparse_of(M)) return SparseLcpMatrix(sparse->cwiseAbs());
+  auto t = std::get<Tridiagonal>(M);
+  for (Vector* part : {&t.diagonal, &t.lower, &t.upper}) *part = part->cwiseAbs();
+  return t;
+}
+
 void add_product(const LcpMatrix& M, const double* y, double* w) {
   const Index n = size(M);
   const Eigen::Map<const Vector> from(y, n);

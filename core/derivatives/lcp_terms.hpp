@@ -9,6 +9,8 @@
 namespace bromwich {
 
 LcpMatrix transposed(const LcpMatrix&);
+/// |M_ik|.
+LcpMatrix absolute(const LcpMatrix&);
 
 /// w += M y, n values each.
 void add_product(const LcpMatrix& M, const double* y, double* w);

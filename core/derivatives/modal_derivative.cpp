@@ -69,11 +69,14 @@ ModalDerivative::ModalDerivative(const Scene& scene, const Result& result)
   sets_.resize(std::size_t(J_) + 1);
   for (Index j = 0; j <= J_; ++j)
     sets_[std::size_t(j)] = j > 0 ? responses_.take(positive_in(y_, j), W) : responses_.take(positive_in(y_, j), M_, 1);
-  w_ = sampled(scene.g, t_, n_) + y_ * M_.transpose();
-  follow(state_modes(scene.x0), y_ + sampled(scene.f, t_, n_));
-  undecided_ = undecided_at_start(y_, w_, responses_.active(sets_[0]));
-  margin_ = margin_of_sets(
-      y_, w_, t_, [this](Index j) -> const std::vector<Index>& { return responses_.active(sets_[std::size_t(j)]); });
+  const RowMatrix g = sampled(scene.g, t_, n_);
+  w_ = g + y_ * M_.transpose();
+  const SetRounding zero =
+      rounding_of_sets(follow(state_modes(scene.x0), y_ + sampled(scene.f, t_, n_)), scene.M, y_, g);
+  undecided_ = undecided_at_start(w_, zero, responses_.active(sets_[0]));
+  margin_ = margin_of_sets(y_, w_, zero, t_, [this](Index j) -> const std::vector<Index>& {
+    return responses_.active(sets_[std::size_t(j)]);
+  });
 }
 
 // K x n modes of m values, face points slowest.
@@ -100,8 +103,9 @@ ModalDerivative::StateMaps ModalDerivative::state_maps() const {
   return maps;
 }
 
-// w of the states that x0 and u = y + phi give: it has to vanish where y acts.
-void ModalDerivative::follow(const RowMatrix& x0, const RowMatrix& u) {
+// Adds N x of the states that x0 and u = y + phi give to w, which has to vanish where y acts. Returns the largest
+// |(N x)_i| over time.
+Vector ModalDerivative::follow(const RowMatrix& x0, const RowMatrix& u) {
   const RowMatrix modes = face_.to_modes(u);
   RowMatrix v = start_.response(x0, J_);
   ModalConvolution::State z = convolution_.state();
@@ -110,7 +114,8 @@ void ModalDerivative::follow(const RowMatrix& x0, const RowMatrix& u) {
     convolution_.advance(j, modes.row(j - 1).data(), z, a);
     v.row(j) += (a + convolution_.own().cwiseProduct(modes.row(j).transpose())).transpose();
   }
-  w_ += face_.to_points(std::move(v));
+  v = face_.to_points(std::move(v));
+  w_ += v;
   const double allowed = same_y * (1e-290 + y_.cwiseAbs().maxCoeff());
   for (Index j = 0; j <= J_; ++j) {
     const Index set = sets_[std::size_t(j)];
@@ -123,6 +128,7 @@ void ModalDerivative::follow(const RowMatrix& x0, const RowMatrix& u) {
           text("not differentiable here: the steps of the grid do not give y of the result at t = %.6g", t_[j]),
           "solve on more steps, with sources that do not jump inside steps");
   }
+  return v.cwiseAbs().colwise().maxCoeff();
 }
 
 RowMatrix ModalDerivative::states_of(const RowMatrix& x0, const RowMatrix& u) const {

@@ -45,7 +45,7 @@ class ModalDerivative {
   Vector state_of(const RowMatrix& modes) const;
   RowMatrix states_of(const RowMatrix& x0, const RowMatrix& u) const;
   std::pair<RowMatrix, RowMatrix> states_transposed(const RowMatrix& of_x) const;
-  void follow(const RowMatrix& x0, const RowMatrix& u);
+  Vector follow(const RowMatrix& x0, const RowMatrix& u);
 
   KroneckerDynamics d_;
   LcpMatrix scene_M_, transposed_M_;

@@ -2,6 +2,7 @@
 
 #include "core/base/error.hpp"
 #include "core/base/text.hpp"
+#include "core/derivatives/lcp_terms.hpp"
 
 #include <algorithm>
 
@@ -14,7 +15,21 @@ constexpr double rounding = 1e-12;    ///< of the terms of a sum
 
 }  // namespace
 
-DerivativeMargin margin_of_sets(const RowMatrix& y, const RowMatrix& w, const Vector& t, const ActiveSetAt& active_at) {
+SetRounding rounding_of_sets(const Vector& terms, const LcpMatrix& M, const RowMatrix& y, const RowMatrix& g) {
+  SetRounding r{Vector::Zero(terms.size()), terms};
+  if (terms.size() == 0) return r;
+  if (g.size() > 0) r.w += Vector(g.cwiseAbs().colwise().maxCoeff());
+  const Vector most_y = y.cwiseAbs().colwise().maxCoeff();
+  add_product(absolute(M), most_y.data(), r.w.data());
+  r.w *= rounding;
+  const Vector own = diagonal(M);
+  for (Index i = 0; i < own.size(); ++i)
+    if (own[i] > 0) r.y[i] = r.w[i] / own[i];
+  return r;
+}
+
+DerivativeMargin margin_of_sets(const RowMatrix& y, const RowMatrix& w, const SetRounding& zero, const Vector& t,
+                                const ActiveSetAt& active_at) {
   DerivativeMargin found;
   for (Index i = 0; i < y.cols(); ++i) {
     const double most_y = y.col(i).cwiseAbs().maxCoeff(), most_w = w.col(i).cwiseAbs().maxCoeff();
@@ -23,7 +38,7 @@ DerivativeMargin margin_of_sets(const RowMatrix& y, const RowMatrix& w, const Ve
       const bool active = std::binary_search(S.begin(), S.end(), i);
       if (active && y(j, i) <= 0) continue;  // a free row
       const double most = active ? most_y : most_w, value = active ? y(j, i) : w(j, i);
-      const double margin = most > 0 ? std::max(0.0, value) / most : 0;
+      const double margin = value > (active ? zero.y : zero.w)[i] ? value / most : 0;
       if (j == 0 && !active && margin <= degenerate) continue;  // see undecided_at_start
       if (margin < found.margin) found = {margin, t[j], i};
     }
@@ -36,10 +51,11 @@ DerivativeMargin margin_of_sets(const RowMatrix& y, const RowMatrix& w, const Ve
   return found;
 }
 
-std::vector<Index> undecided_at_start(const RowMatrix& y, const RowMatrix& w, const std::vector<Index>& active) {
+std::vector<Index> undecided_at_start(const RowMatrix& w, const SetRounding& zero, const std::vector<Index>& active) {
   std::vector<Index> found;
-  for (Index i = 0; i < y.cols(); ++i)
-    if (!std::binary_search(active.begin(), active.end(), i) && w(0, i) <= degenerate * w.col(i).cwiseAbs().maxCoeff())
+  for (Index i = 0; i < w.cols(); ++i)
+    if (!std::binary_search(active.begin(), active.end(), i) &&
+        w(0, i) <= std::max(zero.w[i], degenerate * w.col(i).cwiseAbs().maxCoeff()))
       found.push_back(i);
   return found;
 }

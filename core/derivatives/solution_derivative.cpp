@@ -149,8 +149,12 @@ SolutionDerivative::SolutionDerivative(const Scene& scene, const Result& result)
     sets_[std::size_t(j)] =
         j > 0 ? responses_.take(active_set(scene, y_, j), W) : responses_.take(active_set(scene, y_, j), M_, 1);
   follow(result);
-  margin_ = margin_of_sets(
-      y_, w_, t_, [this](Index j) -> const std::vector<Index>& { return responses_.active(sets_[std::size_t(j)]); });
+  const Vector most_x = x_.cwiseAbs().colwise().maxCoeff();
+  const SetRounding zero = rounding_of_sets(d_.N.cwiseAbs() * most_x, M_, y_, g);
+  undecided_ = undecided_at_start(w_, zero, responses_.active(sets_[0]));
+  margin_ = margin_of_sets(y_, w_, zero, t_, [this](Index j) -> const std::vector<Index>& {
+    return responses_.active(sets_[std::size_t(j)]);
+  });
 }
 
 // The states by the steps; x_ holds L u_{j-1} + R u_j before. y is that of the result as long as w vanishes where y
@@ -268,7 +272,7 @@ void SolutionDerivative::check_start(const SolutionChange& out, const RowMatrix&
   Vector terms =
       d_.N.cwiseAbs() * out.x.row(0).cwiseAbs().transpose() + M_.cwiseAbs() * out.y.row(0).cwiseAbs().transpose();
   if (fixed.size() > 0) terms += fixed.row(0).cwiseAbs().transpose();
-  check_change_at_start(undecided_at_start(y_, w_, responses_.active(sets_[0])), out.w.row(0).transpose(), terms);
+  check_change_at_start(undecided_, out.w.row(0).transpose(), terms);
 }
 
 DataChange SolutionDerivative::vjp(const SolutionChange& of) const {
@@ -300,9 +304,7 @@ DataChange SolutionDerivative::vjp(const SolutionChange& of) const {
       later += row(of.integral, j);
       if (j > 0) eta += h_ / 2 * later;
     }
-    if (j == 0)
-      check_gradient_at_start(undecided_at_start(y_, w_, responses_.active(sets_[0])), eta,
-                              (Bt.cwiseAbs() * back.cwiseAbs()).norm() + eta.norm());
+    if (j == 0) check_gradient_at_start(undecided_, eta, (Bt.cwiseAbs() * back.cwiseAbs()).norm() + eta.norm());
     responses_.solve_transposed(sets_[std::size_t(j)], eta, mu);
     next = p;
     next.noalias() -= N.transpose() * mu;  // q_j

@@ -79,8 +79,9 @@ class SolutionDerivative {
   double h_ = 0;
   Vector t_;
   RowMatrix y_, x_, u_, w_;
-  SetResponses responses_;   ///< of W, and of M at t = 0
-  std::vector<Index> sets_;  ///< S_j, as the index of its response
+  SetResponses responses_;        ///< of W, and of M at t = 0
+  std::vector<Index> sets_;       ///< S_j, as the index of its response
+  std::vector<Index> undecided_;  ///< undecided_at_start
   DerivativeMargin margin_;
 };
 

@@ -110,22 +110,26 @@ SpaceTimeDerivative::SpaceTimeDerivative(const Scene& scene, const Result& resul
   if (!(at_zero_.condition(set_at_zero_) > smallest_rcond_at_zero))
     refuse_here("not differentiable here: the active constraints at t = 0 do not determine y",
                 "remove constraints that repeat each other");
-  follow(result.t);
-  undecided_ = undecided_at_start(y_, w_, first);
+  const SetRounding zero = follow(result.t);
+  undecided_ = undecided_at_start(w_, zero, first);
   std::vector<std::vector<Index>> sets;
   for (Index j = 0; j <= J_; ++j) sets.push_back(positive_in(y_, j));
-  margin_ =
-      margin_of_sets(y_, w_, result.t, [&](Index j) -> const std::vector<Index>& { return sets[std::size_t(j)]; });
+  margin_ = margin_of_sets(y_, w_, zero, result.t,
+                           [&](Index j) -> const std::vector<Index>& { return sets[std::size_t(j)]; });
 }
 
 SpaceTimeDerivative::~SpaceTimeDerivative() = default;
 
 // w of the solution. It has to vanish where y acts.
-void SpaceTimeDerivative::follow(const Vector& t) {
+SetRounding SpaceTimeDerivative::follow(const Vector& t) {
   const DiscreteProblem whole = discretise(scene_, backend_, J_, false, &family_);
   RowMatrix u = y_;
   if (whole.f.size() > 0) u += whole.f.table();
-  w_ = forward_->apply(u) + response_to(scene_.x0);
+  w_ = forward_->apply(u);
+  Vector terms_of_x = w_.cwiseAbs().colwise().maxCoeff();
+  const RowMatrix start = response_to(scene_.x0);
+  terms_of_x += Vector(start.cwiseAbs().colwise().maxCoeff());
+  w_ += start;
   if (whole.rough_response) w_ += *whole.rough_response;
   const double of_states = w_.cwiseAbs().maxCoeff();
   add_products(scene_.M, y_, w_);
@@ -136,6 +140,7 @@ void SpaceTimeDerivative::follow(const Vector& t) {
         !(off <= left_where_y_acts * terms))
       refuse_here(text("not differentiable here: the steps of the grid do not give y of the result at t = %.6g", t[j]),
                   "solve on more steps, with sources that do not jump inside steps");
+  return rounding_of_sets(terms_of_x, scene_.M, y_, whole.g.table());
 }
 
 // N e^{A t_j} x0.

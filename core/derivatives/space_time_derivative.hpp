@@ -44,7 +44,7 @@ class SpaceTimeDerivative {
   DataChange vjp(const SolutionChange&);
 
  private:
-  void follow(const Vector& t);
+  SetRounding follow(const Vector& t);
   RowMatrix response_to(const Vector& x0);
   Vector start_transposed(const RowMatrix& rho) const;
   HeldSets& backward();

@@ -254,6 +254,19 @@ TEST(SolutionDerivative, SaysWhereThereIsNone) {
 }
 
 // No constraint sees the state that f drives: w alone does not show that the steps leave the jump out.
+// w = (0.3 + 4e-17) x_0 - 0.3 x_1 with x_0 = x_1 is rounding of its terms at all times, and no distance from y = w = 0.
+TEST(SolutionDerivative, TakesRoundingOfWForNoMargin) {
+  Scene scene;
+  scene.dynamics = DenseDynamics{-Matrix::Identity(2, 2), Matrix::Zero(2, 1), Matrix{{0.1 + 0.2, -0.3}}};
+  scene.M = Matrix::Identity(1, 1);
+  scene.x0 = Vector::Ones(2);
+  scene.T = 1;
+  const Result r = solved(scene);
+  ASSERT_EQ(r.status, Status::solved);
+  ASSERT_LE(r.y.cwiseAbs().maxCoeff(), 1e-15);
+  EXPECT_NE(refusal([&] { SolutionDerivative(scene, r); }).find("y_0 = w_0 = 0"), std::string::npos);
+}
+
 TEST(SolutionDerivative, RefusesSourcesThatJump) {
   Scene scene;
   scene.dynamics = DenseDynamics{Matrix{{-1, 0}, {0, -2}}, Matrix{{0}, {1}}, Matrix{{0, 1}}};
