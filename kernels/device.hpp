@@ -40,6 +40,8 @@ class Device {
   /// Whether the next kernel on the stream may begin before the previous one ends (kernels/launch.cuh): the device
   /// supports it, and in a stream capture exactly one kernel precedes it.
   bool may_overlap() const;
+  /// Whether blocks of a kernel may work together as clusters.
+  bool has_clusters() const { return major_ >= 9; }
   PinnedSlots& pinned() const { return pinned_; }
   Fetcher& fetcher() const { return fetcher_; }
   BlockCache& blocks() const {

@@ -1,11 +1,14 @@
 // Sweeps of projected over-relaxation in two colours for complementarity problems on a face, M the same five-point
 // stencil at all points of a grid (core/seam/plans.hpp, ProjectedSweeps).
 //
-// A block takes one time point. It walks once down the lines of the grid with a few of them in shared memory, and makes
-// all half-sweeps on the way. When half-sweep 0 is at line t, half-sweep s is at line t - 2 s, line t + 2 arrives from
-// memory, and the load of line t + 3 begins.
-// Half-sweep s of a line needs half-sweep s - 1 of its two neighbours, which is done by then, so that one barrier a
-// step is enough, and r, v and y are read and written once for all sweeps.
+// A block walks once down lines of the grid of a time point with a few of them in shared memory, and makes all
+// half-sweeps on the way. When half-sweep 0 is at line t, half-sweep s is at line t - 2 s, line t + 2 has arrived from
+// memory, and the next lines are on their way. Half-sweep s of a line needs half-sweep s - 1 of its two neighbours,
+// which is done by then, so that one barrier a step is enough, and r, v and y are read and written once for all sweeps.
+//
+// Where time points are too few for all multiprocessors, a cluster of blocks divides the lines into bands. A block
+// walks down its band and as many lines on both sides of it as there are half-sweeps: what is wrong at the ends of
+// these does not reach the band, which is the same to the last bit.
 
 #include "core/lcp/stencil.hpp"
 #include "kernels/launch.cuh"
@@ -14,6 +17,9 @@
 #include "kernels/parts.hpp"
 
 #include "core/base/error.hpp"
+
+#include <cooperative_groups.h>
+#include <cuda_pipeline.h>
 
 #include <algorithm>
 #include <cmath>
@@ -45,51 +51,117 @@ __device__ inline double largest_of_block(double mine, double* shared) {
 template <int halves>
 struct Window {
   static constexpr int of_y = 2 * halves + 2, of_q = 2 * halves + 1;  ///< lines kept
-  static std::size_t bytes(Index points) { return sizeof(double) * std::size_t((of_y + of_q) * (points + 2)); }
+  static constexpr int coming = 2;                                    ///< lines on their way, of r, v and y
+  static std::size_t bytes(Index points, unsigned bands) {
+    return sizeof(double) * (std::size_t((of_y + of_q) * (points + 2)) + std::size_t(3 * coming * points) +
+                             (bands > 1 ? std::size_t(2 * halves * points) : 0));
+  }
 };
+
+/// The lines of a block: [begin, end) are its own, [from, to) are those that it needs for them.
+struct Band {
+  int begin, end, from, to;
+
+  __device__ Band(int lines, int beside)
+      : begin(int(long(lines) * blockIdx.y / gridDim.y)),
+        end(int(long(lines) * (blockIdx.y + 1) / gridDim.y)),
+        from(max(0, begin - beside)),
+        to(min(lines, end + beside)) {}
+
+  __device__ bool owns(int line) const { return line >= begin && line < end; }
+  __device__ int others() const { return begin - from + to - end; }
+  /// Lines of other blocks, counted from 0.
+  __device__ int other(int k) const { return k < begin - from ? from + k : end + k - (begin - from); }
+  __device__ int number(int line) const { return line < begin ? line - from : begin - from + line - end; }
+};
+
+__device__ inline void await_cluster() {
+#if defined(__CUDA_ARCH__) && __CUDA_ARCH__ >= 900
+  cooperative_groups::this_cluster().sync();
+#endif
+}
+
+/// Writes the value to the same place of the first block of the cluster.
+__device__ inline void give_first_block(double* shared, double value) {
+#if defined(__CUDA_ARCH__) && __CUDA_ARCH__ >= 900
+  *cooperative_groups::this_cluster().map_shared_rank(shared, 0) = value;
+#endif
+}
+
+constexpr unsigned most_bands = 8;  ///< a cluster may have as many on all devices
+
+// The largest values of all blocks of the cluster, in the first one.
+__device__ inline void largest_of_cluster(double& change, double& magnitude) {
+  __shared__ double of_bands[2][most_bands];
+  if (gridDim.y == 1) return;
+  if (threadIdx.x == 0) {
+    give_first_block(&of_bands[0][blockIdx.y], change);
+    give_first_block(&of_bands[1][blockIdx.y], magnitude);
+  }
+  await_cluster();
+  for (unsigned b = 0; b < gridDim.y && blockIdx.y == 0; ++b) {
+    change = larger(of_bands[0][b], change);
+    magnitude = larger(of_bands[1][b], magnitude);
+  }
+}
 
 // `moved`: per row the largest change by the last sweep, relative to the largest value of 1 and y; null if not wanted.
 template <int halves>
-__global__ void __launch_bounds__(1024)
+__global__ void __launch_bounds__(1024, 2)
     sweep_face(LcpArrays arrays, FaceStencil m, int first, OutcomeTarget target, double* moved) {
   extern __shared__ double shared[];
   __shared__ double scratch[32];
   using Kept = Window<halves>;
   const int width = m.points + 2, me = int(threadIdx.x), all = int(blockDim.x), half = all / halves;
   const int s = me / half, i = me % half, j = first + int(blockIdx.x);
-  double *const ys = shared, *const qs = shared + Kept::of_y * width;
+  const Band band(m.lines, halves);
+  double *const ys = shared, *const qs = ys + Kept::of_y * width, *const arriving = qs + Kept::of_q * width,
+                *const of_others = arriving + 3 * Kept::coming * m.points;
   let_next_begin();
   for (int a = me; a < (Kept::of_y + Kept::of_q) * width; a += all) shared[a] = 0;
   await_previous();
   const double *const r = arrays.r + long(j) * m.stride, *const v = arrays.v + long(j) * m.stride;
   double* const y = arrays.y + long(j) * m.stride;
+  if (gridDim.y > 1) {  // before their blocks change them
+    for (int a = me; a < band.others() * m.points; a += all)
+      of_others[a] = y[band.other(a / m.points) * m.points + a % m.points];
+    await_cluster();
+  }
   __syncthreads();
+  const bool loads = me < m.points;
+  const auto old_y = [&](int line) -> const double* {
+    return band.owns(line) ? y + line * m.points + me : of_others + band.number(line) * m.points + me;
+  };
   const auto put = [&](int line, double value, double q) {
     ys[line % Kept::of_y * width + 1 + me] = value;
     qs[line % Kept::of_q * width + 1 + me] = q - m.shift * value;
   };
-  const bool loads = me < m.points;
-  for (int line = 0; line < min(2, m.lines); ++line)
+  const auto place = [&](int line) { return arriving + line % Kept::coming * 3 * m.points + me; };
+  const auto fetch = [&](int line) {
+    if (loads && line < band.to) {
+      double* const to = place(line);
+      const int at = line * m.points + me;
+      if (band.owns(line))
+        __pipeline_memcpy_async(to, y + at, sizeof(double));
+      else
+        *to = *old_y(line);
+      __pipeline_memcpy_async(to + m.points, r + at, sizeof(double));
+      __pipeline_memcpy_async(to + 2 * m.points, v + at, sizeof(double));
+    }
+    __pipeline_commit();
+  };
+  for (int line = band.from; line < min(band.from + 2, band.to); ++line)
     if (loads) {
       const int at = line * m.points + me;
-      put(line, y[at], r[at] + v[at]);
+      put(line, *old_y(line), r[at] + v[at]);
     }
+  for (int k = 0; k < Kept::coming; ++k) fetch(band.from + 2 + k);
   __syncthreads();
   double change = 0, magnitude = 0;
-  double next = 0, r_next = 0, v_next = 0, later = 0, r_later = 0, v_later = 0;  // lines t + 2 and t + 3
-  if (loads && 2 < m.lines) {
-    const int at = 2 * m.points + me;
-    next = y[at], r_next = r[at], v_next = v[at];
-  }
-  for (int t = 0; t < m.lines + 2 * halves - 1; ++t) {
+  for (int t = band.from; t < band.to + 2 * halves - 1; ++t) {
     const int coming = t + 2, gone = t - 2 * halves + 1, line = t - 2 * s;
-    const bool fetches = loads && coming < m.lines;
-    if (loads && coming + 1 < m.lines) {
-      const int at = (coming + 1) * m.points + me;
-      later = y[at], r_later = r[at], v_later = v[at];
-    }
     const int column = 2 * i + (line + s & 1);
-    if (line >= 0 && line < m.lines && column < m.points) {
+    if (line >= band.from && line < band.to && column < m.points) {
       double* const at = ys + line % Kept::of_y * width + 1 + column;
       const double above = line > 0 ? ys[(line - 1) % Kept::of_y * width + 1 + column] : 0;
       const double below = line + 1 < m.lines ? ys[(line + 1) % Kept::of_y * width + 1 + column] : 0;
@@ -97,18 +169,24 @@ __global__ void __launch_bounds__(1024)
           qs[line % Kept::of_q * width + 1 + column] + m.across * (above + below) + m.along * (at[-1] + at[1]);
       const double old = *at, value = m.keep * old - m.scale * sum, fresh = value <= 0 ? 0 : value;  // keeps a NaN
       *at = fresh;
-      if (s >= halves - 2) {
+      if (s >= halves - 2 && band.owns(line)) {
         change = larger(fabs(fresh - old), change);
         magnitude = larger(fabs(fresh), magnitude);
       }
     }
-    if (loads && gone >= 0 && gone < m.lines) y[gone * m.points + me] = ys[gone % Kept::of_y * width + 1 + me];
-    if (fetches) put(coming, next, r_next + v_next);
-    next = later, r_next = r_later, v_next = v_later;
+    if (loads && band.owns(gone)) y[gone * m.points + me] = ys[gone % Kept::of_y * width + 1 + me];
+    __pipeline_wait_prior(Kept::coming - 1);
+    if (loads && coming < band.to) {
+      const double* const from = place(coming);
+      put(coming, from[0], from[m.points] + from[2 * m.points]);
+    }
+    fetch(coming + Kept::coming);
     __syncthreads();
   }
   change = largest_of_block(change, scratch);
   magnitude = largest_of_block(magnitude, scratch);
+  largest_of_cluster(change, magnitude);
+  if (blockIdx.y > 0) return;
   Outcomes outcomes(target);
   if (me == 0) {
     outcomes.solved(j, halves / 2, change, magnitude);
@@ -177,24 +255,54 @@ constexpr Index most_points = 512;  ///< of a line, by the threads of a block
 bool fits(const Stencil& s) { return s.extents.size() == 2 && s.extents[1] <= most_points; }
 
 /// The kernel with a number of sweeps.
-struct SweepKernel {
-  void (*kernel)(LcpArrays, FaceStencil, int, OutcomeTarget, double*) = nullptr;
-  unsigned threads = 0;
-  std::size_t bytes = 0;
+class SweepKernel {
+ public:
+  SweepKernel(const Device& device, int count, const FaceStencil& m) : device_(device), lines_(m.lines) {
+    if (count == 1) use<2>(m.points);
+    if (count == 2) use<4>(m.points);
+  }
 
+  bool possible() const { return kernel_ != nullptr; }
+
+  void launch(LcpArrays arrays, const FaceStencil& m, Index first, Index rows, OutcomeTarget target,
+              double* moved) const {
+    const unsigned bands = bands_of(rows);
+    const std::size_t bytes = bands > 1 ? bytes_in_bands_ : bytes_;
+    follow(device_, kernel_, {{unsigned(rows), bands}, threads_, bytes, bands}, starting, arrays, m, int(first), target,
+           moved);
+  }
+
+ private:
   template <int halves>
   void use(Index points) {
-    kernel = sweep_face<halves>;
+    kernel_ = sweep_face<halves>;
     const Index half = ((points + 1) / 2 + 31) / 32 * 32;
-    threads = unsigned(half * halves);
-    bytes = Window<halves>::bytes(points);
-    check(cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, int(bytes)),
+    threads_ = unsigned(half * halves);
+    bytes_ = Window<halves>::bytes(points, 1);
+    bytes_in_bands_ = Window<halves>::bytes(points, 2);
+    least_lines_ = 2 * halves;
+    check(cudaFuncSetAttribute(kernel_, cudaFuncAttributeMaxDynamicSharedMemorySize, int(bytes_in_bands_)),
           "reserving shared memory");
+    int on_each = 0;
+    check(cudaOccupancyMaxActiveBlocksPerMultiprocessor(&on_each, kernel_, int(threads_), bytes_in_bands_),
+          "counting blocks of a multiprocessor");
+    room_ = Index(on_each) * device_.multiprocessors();
   }
-  SweepKernel(int count, Index points) {
-    if (count == 1) use<2>(points);
-    if (count == 2) use<4>(points);
+
+  // As many as fill the device once. Shorter bands would have more lines beside them than lines of their own.
+  unsigned bands_of(Index rows) const {
+    unsigned bands = 1;
+    while (device_.has_clusters() && 2 * bands <= most_bands && rows * 2 * bands <= room_ &&
+           lines_ >= Index(2 * bands) * least_lines_)
+      bands *= 2;
+    return bands;
   }
+
+  const Device& device_;
+  void (*kernel_)(LcpArrays, FaceStencil, int, OutcomeTarget, double*) = nullptr;
+  Index lines_, least_lines_ = 0, room_ = 0;
+  unsigned threads_ = 0;
+  std::size_t bytes_ = 0, bytes_in_bands_ = 0;
 };
 
 class FaceSweeps final : public LcpBatch {
@@ -203,17 +311,16 @@ class FaceSweeps final : public LcpBatch {
       : LcpBatch(false),
         device_(device),
         m_(on_face(stencil, sweeps.shift, sweeps.omega)),
-        kernel_(sweeps.count, stencil.extents[1]),
+        kernel_(device, sweeps.count, m_),
         outcomes_(device, rows, sweeps.shift),
         residuals_(device, std::size_t(rows)) {}
 
-  bool possible() const { return kernel_.kernel != nullptr; }
+  bool possible() const { return kernel_.possible(); }
 
   void submit(const Array& r, const Array& v, Array& y, Index first, double settle_tolerance) override {
     if (first >= y.rows()) return;
     const OutcomeTarget target = outcomes_.target(y.rows() - first, settle_tolerance, settle_tolerance >= 0);
-    follow(device_, kernel_.kernel, {unsigned(y.rows() - first), kernel_.threads, kernel_.bytes}, starting,
-           {values(r), values(v), values(y), m_.stride}, m_, int(first), target, nullptr);
+    kernel_.launch({values(r), values(v), values(y), m_.stride}, m_, first, y.rows() - first, target, nullptr);
   }
   LcpReport collect() override { return outcomes_.collect(); }
   LcpReport finish(const Array& r, const Array& v, Array& y, Index first, double settle_tolerance) override {
@@ -243,7 +350,7 @@ class FaceLcp final : public ImmediateLcpBatch {
   FaceLcp(const Device& device, const Stencil& stencil, Index rows)
       : device_(device),
         m_(on_face(stencil, 0, best_relaxation(stencil))),
-        kernel_(2, stencil.extents[1]),
+        kernel_(device, 2, m_),
         sweeps_(device, rows),
         whole_(device, rows),
         moved_(device, std::size_t(rows)),
@@ -262,9 +369,8 @@ class FaceLcp final : public ImmediateLcpBatch {
     double left = INFINITY;
     for (; rounds < most_rounds && left > settled; rounds += together) {
       for (int k = 0; k < together; ++k)
-        follow(device_, kernel_.kernel, {unsigned(count), kernel_.threads, kernel_.bytes}, starting,
-               {values(r), values(v), values(y), m_.stride}, m_, int(first), sweeps_.target(count, -1, false),
-               moved_.data());
+        kernel_.launch({values(r), values(v), values(y), m_.stride}, m_, first, count, sweeps_.target(count, -1, false),
+                       moved_.data());
       left = largest(device_, moved_);
       if (!std::isfinite(left)) break;
     }

@@ -32,10 +32,12 @@ __device__ inline void await_previous() {
 #endif
 }
 
-/// Launch configuration: blocks, threads per block, and bytes of dynamic shared memory.
+/// Launch configuration: blocks, threads per block, bytes of dynamic shared memory, and blocks of a cluster, which all
+/// have the same blockIdx.x (compute capability 9.0; 1: no clusters).
 struct Blocks {
   dim3 count, threads;
   std::size_t shared = 0;
+  unsigned cluster = 1;
 };
 
 /// Launches the kernel on the stream of the device, overlapping the previous one as described above if possible. Throws
@@ -43,16 +45,23 @@ struct Blocks {
 template <class... Parameters>
 void follow(const Device& device, void (*kernel)(Parameters...), const Blocks& blocks, const char* what,
             std::type_identity_t<Parameters>... arguments) {
-  cudaLaunchAttribute overlapped;
-  overlapped.id = cudaLaunchAttributeProgrammaticStreamSerialization;
-  overlapped.val.programmaticStreamSerializationAllowed = 1;
+  cudaLaunchAttribute attributes[2];
   cudaLaunchConfig_t configuration{};
   configuration.gridDim = blocks.count;
   configuration.blockDim = blocks.threads;
   configuration.dynamicSmemBytes = blocks.shared;
   configuration.stream = device.stream();
-  configuration.attrs = &overlapped;
-  configuration.numAttrs = overlaps && device.may_overlap() ? 1 : 0;
+  configuration.attrs = attributes;
+  if (overlaps && device.may_overlap()) {
+    cudaLaunchAttribute& overlapped = attributes[configuration.numAttrs++];
+    overlapped.id = cudaLaunchAttributeProgrammaticStreamSerialization;
+    overlapped.val.programmaticStreamSerializationAllowed = 1;
+  }
+  if (blocks.cluster > 1) {
+    cudaLaunchAttribute& together = attributes[configuration.numAttrs++];
+    together.id = cudaLaunchAttributeClusterDimension;
+    together.val.clusterDim = {1, blocks.cluster, 1};
+  }
   device.note_work();
   check(cudaLaunchKernelEx(&configuration, kernel, arguments...), what);
 }

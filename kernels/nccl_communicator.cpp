@@ -63,9 +63,19 @@ class NcclCommunicator final : public Communicator {
     checked(ncclAllGather(row(values, 0), row(all, 0), values_of(values, 1), ncclDouble, ranks_, stream_), "a gather");
   }
 
-  void do_broadcast_rows(Array& rows, Index first, Index count, int root) override {
-    double* const both = row(rows, first);
-    checked(ncclBroadcast(both, both, values_of(rows, count), ncclDouble, root, ranks_, stream_), "a broadcast");
+  // Each rank to each other one: all links work at the same time, in one kernel.
+  void do_gather_rows(Array& rows, const std::vector<Index>& ends) override {
+    const auto count = [&](int r) { return values_of(rows, ends[std::size_t(r) + 1] - ends[std::size_t(r)]); };
+    checked(ncclGroupStart(), "a gather");
+    for (int r = 0; r < size(); ++r) {
+      if (r == rank()) continue;
+      if (count(rank()) > 0)
+        checked(ncclSend(row(rows, ends[std::size_t(rank())]), count(rank()), ncclDouble, r, ranks_, stream_),
+                "a gather");
+      if (count(r) > 0)
+        checked(ncclRecv(row(rows, ends[std::size_t(r)]), count(r), ncclDouble, r, ranks_, stream_), "a gather");
+    }
+    checked(ncclGroupEnd(), "a gather");
   }
 
   // Rows have their padding with them.

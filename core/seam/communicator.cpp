@@ -47,9 +47,10 @@ void Communicator::gather(const Array& values, Array& all) {
   do_gather_rows(values, all);
 }
 
-void Communicator::broadcast(Array& rows, Index first, Index count, int root) {
-  if (rank() == root) sent_.broadcast += sizeof(double) * std::size_t(count * rows.cols() * (size() - 1));
-  do_broadcast_rows(rows, first, count, root);
+void Communicator::gather(Array& rows, const std::vector<Index>& ends) {
+  const auto mine = std::size_t(rank());
+  sent_.broadcast += sizeof(double) * std::size_t((ends[mine + 1] - ends[mine]) * rows.cols() * (size() - 1));
+  do_gather_rows(rows, ends);
 }
 
 }  // namespace bromwich

@@ -54,8 +54,8 @@ class Communicator {
   void shift(const std::vector<RowShift>&);
   /// Row r of `all` <- the one row of `values` of rank r.
   void gather(const Array& values, Array& all);
-  /// Rows first .. first + count - 1 of rank `root` on all ranks.
-  void broadcast(Array& rows, Index first, Index count, int root);
+  /// Rows ends[r] .. ends[r + 1] - 1 of rank r on all ranks; ends has size + 1 entries.
+  void gather(Array& rows, const std::vector<Index>& ends);
 
   /// Of this rank, since it was made.
   const Traffic& sent() const { return sent_; }
@@ -67,7 +67,7 @@ class Communicator {
   virtual void do_broadcast(double* values, Index count, int root) = 0;
   virtual void do_shift_rows(const std::vector<RowShift>&) {}
   virtual void do_gather_rows(const Array&, Array&) {}
-  virtual void do_broadcast_rows(Array&, Index, Index, int) {}
+  virtual void do_gather_rows(Array&, const std::vector<Index>&) {}
 
   const int rank_, size_;
   Traffic sent_;

@@ -110,7 +110,9 @@ void RankedBackend::download_from_devices(const Array& from, RowMatrix& to) cons
       const Index count = std::min(most, end - row);
       const bool own = r == communicator.rank();
       if (own) rows.move_rows(&local_part(from), row - slabs.first(), 1, *piece, 0, count);
-      communicator.broadcast(*piece, 0, count, r);
+      std::vector<Index> ends(std::size_t(communicator.size()) + 1, 0);  // rank r has all of the piece
+      std::fill(ends.begin() + r + 1, ends.end(), count);
+      communicator.gather(*piece, ends);
       rows.download_rows(*piece, 0, count, to.row(row).data());
     }
   }
@@ -124,8 +126,9 @@ void RankedBackend::collect(const Array& from, Index ratio, Array& whole) const 
   const Index mine = first_of(slabs.rank), count = first_of(slabs.rank + 1) - mine;
   Array& to = local_part(whole);
   rows.move_rows(&local_part(from), mine * ratio - slabs.first(), ratio, to, mine, count);
-  for (int r = 0; r < communicator.size(); ++r)
-    communicator.broadcast(to, first_of(r), first_of(r + 1) - first_of(r), r);
+  std::vector<Index> ends;
+  for (int r = 0; r <= communicator.size(); ++r) ends.push_back(first_of(r));
+  communicator.gather(to, ends);
 }
 
 RowMatrix RankedBackend::every(const Array& from, Index ratio) const {

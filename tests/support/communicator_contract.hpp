@@ -97,13 +97,20 @@ inline std::vector<std::string> faults_of_rows(Communicator& ranks, Backend& loc
     local.download(*all, found);
     for (int r = 0; r < size; ++r)
       check(found.row(r) == values_of(r).row(2), "gather does not give all rows in the order of the ranks");
-    for (int root = 0; root < size; ++root) {
-      local.upload(values_of(rank), *array);
-      ranks.broadcast(*array, 1, 3, root);
-      local.download(*array, found);
-      expected = values_of(rank);
-      expected.middleRows(1, 3) = values_of(root).middleRows(1, 3);
-      check(found == expected, "broadcast does not give the rows of its root");
+    // Rank r gives r rows; then one rank gives all.
+    std::vector<Index> ends(1, 0);
+    for (int r = 0; r < size; ++r) ends.push_back(ends.back() + r);
+    for (int root = -1; root < size; ++root) {
+      if (root >= 0)
+        for (int r = 0; r <= size; ++r) ends[std::size_t(r)] = r > root ? 3 : 0;
+      const auto many = local.array(1 + ends.back(), cols);
+      local.upload(RowMatrix::Constant(1 + ends.back(), cols, rank), *many);
+      ranks.gather(*many, ends);
+      local.download(*many, found);
+      expected = RowMatrix::Constant(1 + ends.back(), cols, rank);
+      for (int r = 0; r < size; ++r)
+        expected.middleRows(ends[std::size_t(r)], ends[std::size_t(r) + 1] - ends[std::size_t(r)]).setConstant(r);
+      check(found == expected, "gather does not give the rows of each rank");
     }
   }
   return faults;

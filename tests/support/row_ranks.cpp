@@ -210,10 +210,13 @@ class RowRank final : public Communicator {
   void do_broadcast(double* values, Index count, int root) override { host().broadcast(values, count, root); }
   void do_shift_rows(const std::vector<RowShift>& rows) override { by_host_.shift(rows); }
   void do_gather_rows(const Array& values, Array& all) override { by_host_.gather(values, all); }
-  void do_broadcast_rows(Array& rows, Index first, Index count, int root) override {
-    RowMatrix values = by_host_.rows_here(rows, first, count);
-    host().broadcast(values.data(), values.size(), root);
-    by_host_.put_rows_here(values, rows, first);
+  void do_gather_rows(Array& rows, const std::vector<Index>& ends) override {
+    RowMatrix values = by_host_.rows_here(rows, 0, ends.back());
+    for (int r = 0; r < size(); ++r) {
+      const Index begin = ends[std::size_t(r)];
+      host().broadcast(values.data() + begin * values.cols(), (ends[std::size_t(r) + 1] - begin) * values.cols(), r);
+    }
+    by_host_.put_rows_here(values, rows, 0);
   }
 
   std::unique_ptr<Backend> carrier_;  ///< has the same arrays
