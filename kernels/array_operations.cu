@@ -163,23 +163,32 @@ __global__ void add_multiple(const double* b, double s, const double* c, long va
   for (long i = first_value(); i < values; i += all_threads()) a[i] = b[i] + s * c[i];
 }
 
-// One warp per row; the maximum over the rows goes to `out`, NaN included.
+// A warp or a block for each row; the maximum over the rows goes to `out`, NaN included.
 __global__ void differences(const double* a, const double* b, int rows, int cols, int step, double* out) {
+  __shared__ double of_warps[2][32];
   let_next_begin();
   await_previous();
   const int row = int(blockIdx.x) * int(blockDim.y) + int(threadIdx.y);
-  if (row >= rows) return;  // uniform over the warp
+  if (row >= rows) return;  // uniform over the warp; a block of one row has none
   const double* const p = a + long(row) * step;
   const double* const q = b + long(row) * step;
   double gap = 0, size = 1;
 #pragma unroll 4
-  for (int i = int(threadIdx.x); i < cols; i += 32) {
+  for (int i = int(threadIdx.x); i < cols; i += int(blockDim.x)) {
     gap = larger(fabs(p[i] - q[i]), gap);
     size = fmax(size, fabs(p[i]));
   }
   for (int lane = 16; lane > 0; lane /= 2) {
     gap = larger(__shfl_xor_sync(~0u, gap, lane), gap);
     size = fmax(size, __shfl_xor_sync(~0u, size, lane));
+  }
+  if (blockDim.x > 32) {
+    if (threadIdx.x % 32 == 0) of_warps[0][threadIdx.x / 32] = gap, of_warps[1][threadIdx.x / 32] = size;
+    __syncthreads();
+    for (int w = 0; w < int(blockDim.x) / 32; ++w) {
+      gap = larger(of_warps[0][w], gap);
+      size = fmax(size, of_warps[1][w]);
+    }
   }
   if (threadIdx.x == 0) atomicMax(reinterpret_cast<unsigned long long*>(out), bits(gap / size));
 }
@@ -325,8 +334,12 @@ class QueuedDifferences final : public Differences {
   void submit(std::size_t slot, const Array& a, const Array& b) override {
     double* const out = found_.data() + slot;
     check(cudaMemsetAsync(out, 0, sizeof(double), device_.stream()), "starting a difference of arrays");
-    follow(device_, differences, {unsigned((a.rows() + 7) / 8), dim3(32, 8)}, "starting a difference of arrays",
-           values(a), values(b), int(a.rows()), int(a.cols()), int(stride(a.cols())), out);
+    const bool long_rows = a.cols() >= 4 * threads;  // a block for each; short ones have a warp
+    follow(
+        device_, differences,
+        long_rows ? Blocks{unsigned(a.rows()), unsigned(threads)} : Blocks{unsigned((a.rows() + 7) / 8), dim3(32, 8)},
+        "starting a difference of arrays", values(a), values(b), int(a.rows()), int(a.cols()), int(stride(a.cols())),
+        out);
     fresh_ = true;
   }
 

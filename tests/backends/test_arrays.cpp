@@ -199,12 +199,21 @@ TEST_P(BackendArrays, DifferenceIsRelativeToLargeRowsOnly) {
 
 TEST_P(BackendArrays, DifferenceOfWhatIsNotFinite) {
   for (const double bad : {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity()})
-    for (const bool in_first : {false, true}) {
-      RowMatrix a = RowMatrix::Zero(70, 33), b = a;
-      a(1, 1) = 3;
-      (in_first ? a : b)(68, 31) = bad;
-      EXPECT_TRUE(std::isnan(backend->difference(*device(a), *device(b)))) << bad;
-    }
+    for (const bool in_first : {false, true})
+      for (const Index cols : {33, 1500}) {
+        RowMatrix a = RowMatrix::Zero(70, cols), b = a;
+        a(1, 1) = 3;
+        (in_first ? a : b)(68, cols - 2) = bad;
+        EXPECT_TRUE(std::isnan(backend->difference(*device(a), *device(b)))) << bad;
+      }
+}
+
+// Long rows: 4 at a place of the fifth, relative to 8 in the same row.
+TEST_P(BackendArrays, DifferenceOfLongRows) {
+  RowMatrix a = Random(18).matrix(9, 5000), b = a;
+  a(4, 4321) = 8;
+  b(4, 4321) = 4;
+  EXPECT_EQ(backend->difference(*device(a), *device(b)), 0.5);
 }
 
 TEST_P(BackendArrays, DifferencesAreLookedAtLater) {
