@@ -3,10 +3,10 @@
 //     CUDA_INJECTION64_PATH=libbromwich_device_timeline.so BROMWICH_TIMELINE=FILE BROMWICH_TIMELINE_SECONDS=10 bromwich
 //     ...
 //
-// Writes FILE.RANK.json after these seconds, RANK that of Open MPI or 0, and ends the program (several ranks do not
-// come to an end under CUPTI): kernels and copies with their begin, duration (ns),
-// stream, and number of blocks (kernels) or bytes (copies). Recording makes kernels of CUDA graphs begin later, by
-// about a microsecond each. scripts/bench_timeline reads the files.
+// Writes FILE.RANK.json at the end, or after these seconds, which then end the program (several ranks do not come to an
+// end under CUPTI). RANK is that of Open MPI, or 0. The file has kernels and copies with their begin, duration (ns),
+// stream, and number of blocks (kernels) or bytes (copies). Recording makes kernels of CUDA graphs begin later, by about
+// a microsecond each. scripts/bench_timeline reads the files.
 
 #include <cupti.h>
 #include <cxxabi.h>
@@ -100,6 +100,14 @@ void CUPTIAPI take_buffer(CUcontext, uint32_t, uint8_t* buffer, std::size_t, std
   std::free(buffer);
 }
 
+void finish() {
+  static std::once_flag once;
+  std::call_once(once, [] {
+    cuptiActivityFlushAll(1);
+    timeline().write();
+  });
+}
+
 }  // namespace
 
 extern "C" int InitializeInjection() {
@@ -109,9 +117,9 @@ extern "C" int InitializeInjection() {
   const char* seconds = std::getenv("BROMWICH_TIMELINE_SECONDS");
   std::thread([after = std::chrono::duration<double>(seconds ? std::atof(seconds) : 10)] {
     std::this_thread::sleep_for(after);
-    cuptiActivityFlushAll(1);
-    timeline().write();
+    finish();
     std::_Exit(0);
   }).detach();
+  std::atexit(finish);
   return 1;
 }
