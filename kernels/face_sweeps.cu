@@ -2,9 +2,9 @@
 // stencil at all points of a grid (core/seam/plans.hpp, ProjectedSweeps).
 //
 // A block walks once down lines of the grid of a time point with a few of them in shared memory, and makes all
-// half-sweeps on the way. When half-sweep 0 is at line t, half-sweep s is at line t - 2 s, line t + 2 has arrived from
-// memory, and the next lines are on their way. Half-sweep s of a line needs half-sweep s - 1 of its two neighbours,
-// which is done by then, so that one barrier a step is enough, and r, v and y are read and written once for all sweeps.
+// half-sweeps on the way. When half-sweep 0 is at line t, half-sweep s is at line t - 2 s, line t + 2 arrives from memory,
+// and the load of line t + 3 begins. Half-sweep s of a line needs half-sweep s - 1 of its two neighbours, which is done
+// by then, so that one barrier a step is enough, and r, v and y are read and written once for all sweeps.
 //
 // Where time points are too few for all multiprocessors, a cluster of blocks divides the lines into bands. A block
 // walks down its band and as many lines on both sides of it as there are half-sweeps: what is wrong at the ends of
@@ -19,7 +19,6 @@
 #include "core/base/error.hpp"
 
 #include <cooperative_groups.h>
-#include <cuda_pipeline.h>
 
 #include <algorithm>
 #include <cmath>
@@ -51,9 +50,8 @@ __device__ inline double largest_of_block(double mine, double* shared) {
 template <int halves>
 struct Window {
   static constexpr int of_y = 2 * halves + 2, of_q = 2 * halves + 1;  ///< lines kept
-  static constexpr int coming = 2;                                    ///< lines on their way, of r, v and y
   static std::size_t bytes(Index points, unsigned bands) {
-    return sizeof(double) * (std::size_t((of_y + of_q) * (points + 2)) + std::size_t(3 * coming * points) +
+    return sizeof(double) * (std::size_t((of_y + of_q) * (points + 2)) +
                              (bands > 1 ? std::size_t(2 * halves * points) : 0));
   }
 };
@@ -62,6 +60,9 @@ struct Window {
 struct Band {
   int begin, end, from, to;
 
+  /// All lines.
+  __device__ explicit Band(int lines) : begin(0), end(lines), from(0), to(lines) {}
+  /// Those of this block of its cluster.
   __device__ Band(int lines, int beside)
       : begin(int(long(lines) * blockIdx.y / gridDim.y)),
         end(int(long(lines) * (blockIdx.y + 1) / gridDim.y)),
@@ -93,7 +94,6 @@ constexpr unsigned most_bands = 8;  ///< a cluster may have as many on all devic
 // The largest values of all blocks of the cluster, in the first one.
 __device__ inline void largest_of_cluster(double& change, double& magnitude) {
   __shared__ double of_bands[2][most_bands];
-  if (gridDim.y == 1) return;
   if (threadIdx.x == 0) {
     give_first_block(&of_bands[0][blockIdx.y], change);
     give_first_block(&of_bands[1][blockIdx.y], magnitude);
@@ -106,7 +106,7 @@ __device__ inline void largest_of_cluster(double& change, double& magnitude) {
 }
 
 // `moved`: per row the largest change by the last sweep, relative to the largest value of 1 and y; null if not wanted.
-template <int halves>
+template <int halves, bool in_bands>
 __global__ void __launch_bounds__(1024, 2)
     sweep_face(LcpArrays arrays, FaceStencil m, int first, OutcomeTarget target, double* moved) {
   extern __shared__ double shared[];
@@ -114,52 +114,48 @@ __global__ void __launch_bounds__(1024, 2)
   using Kept = Window<halves>;
   const int width = m.points + 2, me = int(threadIdx.x), all = int(blockDim.x), half = all / halves;
   const int s = me / half, i = me % half, j = first + int(blockIdx.x);
-  const Band band(m.lines, halves);
-  double *const ys = shared, *const qs = ys + Kept::of_y * width, *const arriving = qs + Kept::of_q * width,
-                *const of_others = arriving + 3 * Kept::coming * m.points;
+  const Band band = in_bands ? Band(m.lines, halves) : Band(m.lines);
+  double *const ys = shared, *const qs = ys + Kept::of_y * width, *const of_others = qs + Kept::of_q * width;
   let_next_begin();
   for (int a = me; a < (Kept::of_y + Kept::of_q) * width; a += all) shared[a] = 0;
   await_previous();
   const double *const r = arrays.r + long(j) * m.stride, *const v = arrays.v + long(j) * m.stride;
   double* const y = arrays.y + long(j) * m.stride;
-  if (gridDim.y > 1) {  // before their blocks change them
+  if constexpr (in_bands) {  // before their blocks change them
     for (int a = me; a < band.others() * m.points; a += all)
       of_others[a] = y[band.other(a / m.points) * m.points + a % m.points];
     await_cluster();
   }
   __syncthreads();
   const bool loads = me < m.points;
-  const auto old_y = [&](int line) -> const double* {
-    return band.owns(line) ? y + line * m.points + me : of_others + band.number(line) * m.points + me;
+  const auto old_y = [&](int line) {
+    if constexpr (in_bands)
+      if (!band.owns(line)) return of_others[band.number(line) * m.points + me];
+    return y[line * m.points + me];
   };
   const auto put = [&](int line, double value, double q) {
     ys[line % Kept::of_y * width + 1 + me] = value;
     qs[line % Kept::of_q * width + 1 + me] = q - m.shift * value;
   };
-  const auto place = [&](int line) { return arriving + line % Kept::coming * 3 * m.points + me; };
-  const auto fetch = [&](int line) {
-    if (loads && line < band.to) {
-      double* const to = place(line);
-      const int at = line * m.points + me;
-      if (band.owns(line))
-        __pipeline_memcpy_async(to, y + at, sizeof(double));
-      else
-        *to = *old_y(line);
-      __pipeline_memcpy_async(to + m.points, r + at, sizeof(double));
-      __pipeline_memcpy_async(to + 2 * m.points, v + at, sizeof(double));
-    }
-    __pipeline_commit();
-  };
   for (int line = band.from; line < min(band.from + 2, band.to); ++line)
     if (loads) {
       const int at = line * m.points + me;
-      put(line, *old_y(line), r[at] + v[at]);
+      put(line, old_y(line), r[at] + v[at]);
     }
-  for (int k = 0; k < Kept::coming; ++k) fetch(band.from + 2 + k);
   __syncthreads();
   double change = 0, magnitude = 0;
+  double next = 0, r_next = 0, v_next = 0, later = 0, r_later = 0, v_later = 0;  // lines t + 2 and t + 3
+  if (loads && band.from + 2 < band.to) {
+    const int at = (band.from + 2) * m.points + me;
+    next = old_y(band.from + 2), r_next = r[at], v_next = v[at];
+  }
   for (int t = band.from; t < band.to + 2 * halves - 1; ++t) {
     const int coming = t + 2, gone = t - 2 * halves + 1, line = t - 2 * s;
+    const bool fetches = loads && coming < band.to;
+    if (loads && coming + 1 < band.to) {
+      const int at = (coming + 1) * m.points + me;
+      later = old_y(coming + 1), r_later = r[at], v_later = v[at];
+    }
     const int column = 2 * i + (line + s & 1);
     if (line >= band.from && line < band.to && column < m.points) {
       double* const at = ys + line % Kept::of_y * width + 1 + column;
@@ -169,24 +165,22 @@ __global__ void __launch_bounds__(1024, 2)
           qs[line % Kept::of_q * width + 1 + column] + m.across * (above + below) + m.along * (at[-1] + at[1]);
       const double old = *at, value = m.keep * old - m.scale * sum, fresh = value <= 0 ? 0 : value;  // keeps a NaN
       *at = fresh;
-      if (s >= halves - 2 && band.owns(line)) {
+      if (s >= halves - 2 && (!in_bands || band.owns(line))) {
         change = larger(fabs(fresh - old), change);
         magnitude = larger(fabs(fresh), magnitude);
       }
     }
     if (loads && band.owns(gone)) y[gone * m.points + me] = ys[gone % Kept::of_y * width + 1 + me];
-    __pipeline_wait_prior(Kept::coming - 1);
-    if (loads && coming < band.to) {
-      const double* const from = place(coming);
-      put(coming, from[0], from[m.points] + from[2 * m.points]);
-    }
-    fetch(coming + Kept::coming);
+    if (fetches) put(coming, next, r_next + v_next);
+    next = later, r_next = r_later, v_next = v_later;
     __syncthreads();
   }
   change = largest_of_block(change, scratch);
   magnitude = largest_of_block(magnitude, scratch);
-  largest_of_cluster(change, magnitude);
-  if (blockIdx.y > 0) return;
+  if constexpr (in_bands) {
+    largest_of_cluster(change, magnitude);
+    if (blockIdx.y > 0) return;
+  }
   Outcomes outcomes(target);
   if (me == 0) {
     outcomes.solved(j, halves / 2, change, magnitude);
@@ -256,6 +250,8 @@ bool fits(const Stencil& s) { return s.extents.size() == 2 && s.extents[1] <= mo
 
 /// The kernel with a number of sweeps.
 class SweepKernel {
+  using Kernel = void (*)(LcpArrays, FaceStencil, int, OutcomeTarget, double*);
+
  public:
   SweepKernel(const Device& device, int count, const FaceStencil& m) : device_(device), lines_(m.lines) {
     if (count == 1) use<2>(m.points);
@@ -267,24 +263,31 @@ class SweepKernel {
   void launch(LcpArrays arrays, const FaceStencil& m, Index first, Index rows, OutcomeTarget target,
               double* moved) const {
     const unsigned bands = bands_of(rows);
-    const std::size_t bytes = bands > 1 ? bytes_in_bands_ : bytes_;
-    follow(device_, kernel_, {{unsigned(rows), bands}, threads_, bytes, bands}, starting, arrays, m, int(first), target,
-           moved);
+    if (bands > 1)
+      follow(device_, in_bands_, {{unsigned(rows), bands}, threads_, bytes_in_bands_, bands}, starting, arrays, m,
+             int(first), target, moved);
+    else
+      follow(device_, kernel_, {unsigned(rows), threads_, bytes_}, starting, arrays, m, int(first), target, moved);
   }
 
  private:
   template <int halves>
   void use(Index points) {
-    kernel_ = sweep_face<halves>;
+    kernel_ = sweep_face<halves, false>;
+    in_bands_ = sweep_face<halves, true>;
     const Index half = ((points + 1) / 2 + 31) / 32 * 32;
     threads_ = unsigned(half * halves);
     bytes_ = Window<halves>::bytes(points, 1);
     bytes_in_bands_ = Window<halves>::bytes(points, 2);
     least_lines_ = 2 * halves;
-    check(cudaFuncSetAttribute(kernel_, cudaFuncAttributeMaxDynamicSharedMemorySize, int(bytes_in_bands_)),
-          "reserving shared memory");
+    const auto reserve = [](Kernel kernel, std::size_t bytes) {
+      check(cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, int(bytes)),
+            "reserving shared memory");
+    };
+    reserve(kernel_, bytes_);
+    reserve(in_bands_, bytes_in_bands_);
     int on_each = 0;
-    check(cudaOccupancyMaxActiveBlocksPerMultiprocessor(&on_each, kernel_, int(threads_), bytes_in_bands_),
+    check(cudaOccupancyMaxActiveBlocksPerMultiprocessor(&on_each, in_bands_, int(threads_), bytes_in_bands_),
           "counting blocks of a multiprocessor");
     room_ = Index(on_each) * device_.multiprocessors();
   }
@@ -299,7 +302,7 @@ class SweepKernel {
   }
 
   const Device& device_;
-  void (*kernel_)(LcpArrays, FaceStencil, int, OutcomeTarget, double*) = nullptr;
+  Kernel kernel_ = nullptr, in_bands_ = nullptr;
   Index lines_, least_lines_ = 0, room_ = 0;
   unsigned threads_ = 0;
   std::size_t bytes_ = 0, bytes_in_bands_ = 0;
