@@ -3,6 +3,7 @@
 #include "arrays.hpp"
 #include "calls.hpp"
 #include "core/base/error.hpp"
+#include "core/base/timer.hpp"
 #include "core/nonlinear/nonlinear_output.hpp"
 #include "core/result/switching.hpp"
 #include "files/nonlinear_file.hpp"
@@ -26,6 +27,7 @@ namespace {
 struct NonlinearAnswer {
   NonlinearResult result;
   std::string backend;
+  double seconds = 0;
   bool by_keyboard = false;
   std::shared_ptr<const NonlinearScene> scene = {};
   std::shared_ptr<Machine> machine = {};
@@ -146,7 +148,9 @@ std::shared_ptr<NonlinearAnswer> solve_one(const std::shared_ptr<const Model>& m
     const auto machine = machine_for(backend, scene.linear, {}, threads);
     const std::lock_guard lock(machine->busy);
     answer->backend = machine->backend->name();
+    Timer timer;
     answer->result = solve_nonlinear(scene, *machine->backend, options);
+    answer->seconds = timer.lap();
     answer->scene = std::make_shared<const NonlinearScene>(std::move(scene));
     answer->machine = machine;
     return answer;
@@ -180,6 +184,7 @@ void bind_nonlinear(nb::module_& m) {
       .def_prop_ro("marched", [](const NonlinearAnswer& a) { return a.result.marched; })
       .def_prop_ro("contraction", [](const NonlinearAnswer& a) { return a.result.contraction; })
       .def_prop_ro("backend", [](const NonlinearAnswer& a) { return a.backend; })
+      .def_ro("seconds", &NonlinearAnswer::seconds)
       .def_ro("by_keyboard", &NonlinearAnswer::by_keyboard);
   nb::class_<NonlinearTerms>(m, "NonlinearTerms", "phi and gamma of a scene file.");
   m.def("read_nonlinear", &read_nonlinear, nb::arg("file"), nb::arg("settings"));
