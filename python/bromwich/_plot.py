@@ -44,6 +44,8 @@ def _title(result: Rows, ax: Axes) -> None:
 def _draw(result: Rows, what: str, components: Iterable[int] | None, ax: Axes) -> None:
     values = getattr(result, what)
     require(values is not None and values.shape[1] > 0, what, "was not recorded; solve with states='all'")
+    if what != "x" and getattr(result, "starts_with_impulse", False):  # the first row is no value
+        values = np.concatenate([np.full_like(values[:1], np.nan), values[1:]])
     numbers = np.array(result.x_components if what == "x" else range(values.shape[1]), dtype=int)
     names = np.array(_names(result, what) or [f"${what}_{{{i}}}$" for i in numbers])
     if components is not None:

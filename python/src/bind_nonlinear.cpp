@@ -69,12 +69,20 @@ nb::list nonlinear_switches(const NonlinearAnswer& answer) {
   return all;
 }
 
+/// What a function of t, x and y returns. The arrays are made one by one: where one of several fails, as by Ctrl-C,
+/// nanobind goes on to the next one with an exception set.
+nb::object called(const Kept& function, double t, const Eigen::Ref<const Vector>& x,
+                  const Eigen::Ref<const Vector>& y) {
+  const nb::object of_x = nb::cast(Vector(x)), of_y = nb::cast(Vector(y));
+  return function.get()(t, of_x, of_y);
+}
+
 NonlinearFunction function_of(const std::string& name, nb::object given) {
   if (given.is_none()) return {};
   return [name, call = Kept(std::move(given))](double t, const Eigen::Ref<const Vector>& x,
                                                const Eigen::Ref<const Vector>& y, Eigen::Ref<Vector> value) {
     const nb::gil_scoped_acquire lock;
-    const Vector found = as_vector(nb::cast<Array1>(call.get()(t, Vector(x), Vector(y))));
+    const Vector found = as_vector(nb::cast<Array1>(called(call, t, x, y)));
     if (found.size() != value.size())
       throw Error(name, "returns " + std::to_string(found.size()) + " values",
                   "return " + std::to_string(value.size()));
@@ -89,7 +97,7 @@ NonlinearDerivative derivative_of(const std::string& name, nb::object given) {
                                                const Eigen::Ref<const Vector>& y, Eigen::Ref<Matrix> by_x,
                                                Eigen::Ref<Matrix> by_y) {
     const nb::gil_scoped_acquire lock;
-    const auto both = nb::cast<nb::tuple>(call.get()(t, Vector(x), Vector(y)));
+    const auto both = nb::cast<nb::tuple>(called(call, t, x, y));
     const auto take = [&](std::size_t k, Eigen::Ref<Matrix> to) {
       const Matrix found = as_matrix(nb::cast<Array2>(both[k]));
       if (found.rows() != to.rows() || found.cols() != to.cols())

@@ -1,5 +1,6 @@
 """Nonlinear systems: against SciPy with events, and what is said of bad input."""
 
+import subprocess
 import sys
 import warnings
 
@@ -178,6 +179,20 @@ phi = [0, "-k*x0^3"]
 T = 6
 steps = 200
 """
+
+
+def test_ctrl_c_while_arrays_are_handed_over():
+    """The exception of one argument of phi is not hidden by that of the next one. NumPy's copy stands for the place where
+    the signal arrives."""
+    code = """
+import numpy as np, bromwich
+def interrupted(*_):
+    raise KeyboardInterrupt("here")
+np.copy = interrupted
+bromwich.solve_nonlinear(A=-1, B=1, N=1, M=1, x0=1, T=1, phi=lambda t, x, y: -x**3, steps=10)
+"""
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert found.stderr.strip().endswith("KeyboardInterrupt: here"), found.stderr
 
 
 def test_files(tmp_path):
