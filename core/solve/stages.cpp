@@ -288,10 +288,10 @@ std::optional<Result> one_grid(const Scene& scene, Backend& backend, const Inner
   return solve_on_one_grid(scene, backend, options);
 }
 
-constexpr Stage stages[] = {columns_of_f, mass_matrix,    solve_in_symmetric_form,
-                            natural_units, goal,           no_constraints,
-                            galerkin_alone, small_sparse,  events,
-                            tolerance,     galerkin,       free_rows,
+constexpr Stage stages[] = {columns_of_f,   mass_matrix,  solve_in_symmetric_form,
+                            natural_units,  goal,         no_constraints,
+                            galerkin_alone, small_sparse, events,
+                            tolerance,      galerkin,     free_rows,
                             one_grid};
 
 }  // namespace

@@ -126,8 +126,8 @@ TEST(SolveNonlinear, RowsBetweenTheTimePoints) {
   EXPECT_THROW(nonlinear_at(s, *backend, r, {7}), Error);
 }
 
-// y of a diode bends where it begins to conduct, inside a step. A line through the rows errs there by h times its slope,
-// and w and y of it are both positive.
+// y of a diode bends where it begins to conduct, inside a step. A line through the rows errs there by h times its
+// slope, and w and y of it are both positive.
 TEST(SolveNonlinear, RowsBetweenTheTimePointsFollowSwitches) {
   NonlinearScene s;
   s.linear.dynamics = DenseDynamics{Matrix{{-1}}, Matrix{{2}}, Matrix{{1}}};

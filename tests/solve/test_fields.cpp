@@ -120,7 +120,8 @@ TEST(Fields, SweepsThatContractAreTaken) {
   EXPECT_LE((swept.y - march.y).cwiseAbs().maxCoeff(), 1e-9 * march.y.maxCoeff());
 }
 
-// f per state as shapes times functions of time: the shapes are columns F. One column for each of 5000 states is refused.
+// f per state as shapes times functions of time: the shapes are columns F. One column for each of 5000 states is
+// refused.
 TEST(Fields, ShapesOfASourceOfTheStatesAreColumns) {
   constexpr Index m = 5000;
   SparseDynamics d;
