@@ -74,11 +74,11 @@ void check_numbers(const std::string& text, const std::string& where) {
   while (i < text.size()) {
     if (is_letter(text[i])) {
       i = end_of_name(text, i);
-    } else if (is_digit(text[i]) || text[i] == '.') {
+    } else if (is_digit(text[i]) || (text[i] == '.' && i + 1 < text.size() && is_digit(text[i + 1]))) {
       const std::size_t begin = i;
       i = end_of_number(text, i);
       const std::size_t name = std::min(text.find_first_not_of(" \t", i), text.size());
-      const std::size_t end = end_of_name(text, name);
+      const std::size_t end = name < text.size() && is_letter(text[name]) ? end_of_name(text, name) : name;
       const std::string word = text.substr(name, end - name);
       const bool of_another_language =
           std::any_of(spellings.begin(), spellings.end(), [&](const Spelling& s) { return s.word == word; });

@@ -1,6 +1,7 @@
 #include "core/nonlinear/nonlinear_output.hpp"
 
 #include "core/base/error.hpp"
+#include "core/base/interruption.hpp"
 #include "core/base/text.hpp"
 #include "core/nonlinear/divided_step.hpp"
 #include "core/nonlinear/frozen_windows.hpp"
@@ -138,6 +139,7 @@ NonlinearResult nonlinear_at(const NonlinearScene& scene, Backend& backend, cons
   Sampling sampling(scene, backend, result);
   const bool by_trace = result.trace.size() > 0;
   for (Index k = 0; k < count; ++k) {
+    check_interruption();
     const SeenRow one = sampling.at(times[std::size_t(k)]);
     (by_trace ? sampled.trace : sampled.x).row(k) = one.seen.transpose();
     sampled.y.row(k) = one.y.transpose();

@@ -55,11 +55,12 @@ nb::tuple read_nonlinear(const std::string& file, const ParameterValues& setting
 }
 
 std::shared_ptr<NonlinearAnswer> at_other_times(const NonlinearAnswer& answer, const std::vector<double>& times) {
-  const nb::gil_scoped_release released;
-  const std::lock_guard lock(answer.machine->busy);
-  auto rows = std::make_shared<NonlinearAnswer>(answer);
-  rows->result = nonlinear_at(*answer.scene, *answer.machine->backend, answer.result, times);
-  return rows;
+  return interruptible([&] {
+    const std::lock_guard lock(answer.machine->busy);
+    auto rows = std::make_shared<NonlinearAnswer>(answer);
+    rows->result = nonlinear_at(*answer.scene, *answer.machine->backend, answer.result, times);
+    return rows;
+  });
 }
 
 nb::list nonlinear_switches(const NonlinearAnswer& answer) {
