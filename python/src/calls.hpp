@@ -58,7 +58,7 @@ auto unlocked(Calls& calls, const Work& work) {
 /// What `work` returns, called without the interpreter's lock. Ctrl-C meanwhile leaves as a KeyboardInterrupt.
 template <class Work>
 auto interruptible(const Work& work) {
-  Calls calls(nb::none(), nb::none());
+  Calls calls{nb::none(), nb::none()};
   const std::function<bool()> asked = [&calls] { return calls.interrupted(); };
   try {
     const nb::gil_scoped_release released;
