@@ -62,6 +62,9 @@ std::string explain(const CLI::App& app, const CLI::ParseError& error) {
   const auto used = app.get_subcommands();
   const CLI::App& command = used.empty() ? app : *used.front();
   const std::string remedy = fmt::format("see 'bromwich {}--help'", used.empty() ? "" : command.get_name() + " ");
+  const std::string_view what = error.what();  // "--steps: 1 required J missing"
+  if (const auto at = what.find(": 1 required "); at != std::string_view::npos && what.ends_with(" missing"))
+    return fmt::format("{}: found no value; give one; {}", what.substr(0, at), remedy);
   const auto extras = app.remaining(true);
   if (dynamic_cast<const CLI::ExtrasError*>(&error) == nullptr || extras.empty())
     return fmt::format("{}; {}", error.what(), remedy);

@@ -32,7 +32,11 @@ const SceneRecipe& find_recipe(const std::string& name) {
   for (const SceneRecipe& recipe : scene_catalogue())
     if (recipe.name == name) return recipe;
   const auto names = scene_names();
-  throw Error("SCENE", fmt::format("found '{}'", name) + suggestion(name, names),
+  std::error_code failure;
+  const std::string file = name + ".toml";
+  const bool is_file = std::filesystem::exists(file, failure);
+  const std::string meant = is_file ? fmt::format(" (did you mean '{}'?)", file) : suggestion(name, names);
+  throw Error("SCENE", fmt::format("found '{}'", name) + meant,
               fmt::format("use a built-in scene ({}) or a file .toml", join(names)));
 }
 

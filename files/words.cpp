@@ -101,6 +101,20 @@ constexpr auto synonyms = std::to_array<std::pair<std::string_view, std::string_
     {"backward_euler", "euler"},
     {"t_end", "T"},
     {"tend", "T"},
+    {"end", "T"},
+    {"tf", "T"},
+    {"t_final", "T"},
+    {"t_max", "T"},
+    {"tmax", "T"},
+    {"dt", "steps"},
+    {"step_size", "steps"},
+    {"nsteps", "steps"},
+    {"n_steps", "steps"},
+    {"rtol", "tolerance"},
+    {"c", "N"},  // of Siconos
+    {"d", "M"},
+    {"mass", "E"},
+    {"initial", "x0"},
 });
 
 template <class Number>

@@ -30,11 +30,15 @@ constexpr std::array<Kind, 3> kinds{{{"y", "y: the complementary variables", "co
                                      {"w", "w = N x + M y + g", "constraint"},
                                      {"x", "x: the states", "state"}}};
 
-/// An impulse at t = 0 is no value of y, and nothing else would be seen beside it.
+/// y, and w = N x + M y + g, at t = 0 where the state jumps there.
+bool has_impulse(const Report& report, const Quantity& q) {
+  return (q.symbol == "y" || q.symbol == "w") && is_set(report.summary, "starts_with_impulse");
+}
+
+/// An impulse is no value, and nothing else would be seen beside it.
 RowMatrix without_impulse(const Report& report, const Quantity& q) {
   RowMatrix values = q.values;
-  if (q.symbol == "y" && is_set(report.summary, "starts_with_impulse") && values.rows() > 1)
-    values.row(0).setConstant(NAN);
+  if (has_impulse(report, q) && values.rows() > 1) values.row(0).setConstant(NAN);
   return values;
 }
 
@@ -109,8 +113,9 @@ std::string curve_caption(const Report& report, const Quantity& q, const Kind& k
     words =
         fmt::format("{} components over time{}.", q.names.size(),
                     panels(q, q.values).size() > 1 ? "; those of other units or sizes have an axis of their own" : "");
-  if (q.symbol == "y" && is_set(report.summary, "starts_with_impulse"))
-    words += " The state jumps at t = 0: the value of y there is an impulse and not shown.";
+  if (has_impulse(report, q))
+    words += fmt::format(" The state jumps at t = 0: {} not shown.",
+                         q.symbol == "y" ? "the value of y there is an impulse and" : "w there has an impulse and is");
   if (q.symbol == std::string("x") && map) words += fmt::format(" Numbers count the recorded {}s.", kind.one);
   return words;
 }

@@ -76,9 +76,9 @@ def laplace(paper):
         ("Remark 3.1: semidefinite M, the least-norm solution",
          f"the iteration converges with M = (1 1; 1 1), in {own['remark_3_1']['sweeps']} sweeps to 1e-12 and to the values of marching "
          f"({number(own['remark_3_1']['from_marching'])} apart). `contour`, `contour-literal` and `multigrid` take semidefinite M whose null "
-         "space does not move the state, with the least norm and an a-priori criterion on its range, if N x leads to no problem "
-         "without a solution ([method](../method.md)); otherwise y may jump, or sweeps may have no solution: marching, Radau "
-         "IIA, events and Galerkin take it. Agrees"),
+         "space does not move the state, if N x leads to no problem without a solution. They take the least norm, with an "
+         "a-priori criterion on the range of M ([method](../method.md)). Otherwise y may jump, or sweeps may have no solution, "
+         "and marching, Radau IIA, events and Galerkin take the scene. Agrees"),
         ("Fig. 4.1: the rate is robust in h", "; ".join(
             f"h = {fraction(r['h'])}: {r['sweeps_to_1e-12']} sweeps to 1e-12" for r in small)
          + ". Larger steps need more. The printed data have no solution, ours are prescribed"),

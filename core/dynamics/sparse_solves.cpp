@@ -6,12 +6,14 @@
 
 #include "core/dynamics/sparse_solves.hpp"
 
+#include "core/base/interruption.hpp"
 #include "core/dynamics/fronts.hpp"
 #include "core/dynamics/linear_system.hpp"
 
 #include <Eigen/SparseLU>
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 
 namespace bromwich::multifrontal {
@@ -68,9 +70,16 @@ ComplexMatrix sparse_shifted_solves(const SparseMatrix& A, const SparseMatrix& E
   ComplexMatrix R(nodes.size(), n * k);
   std::vector<char> again(std::size_t(nodes.size()), 0);
   const Index together = (groups + threads.threads() - 1) / threads.threads();
+  std::atomic<bool> stopped = false;  // the user is asked by the calling thread alone
   share(threads, groups, std::max<Index>(together, 1), [&](Index first, Index last) {
     Fronts fronts(system);
-    for (Index g = first; g < last; ++g) {
+    for (Index g = first; g < last && !stopped; ++g) {
+      try {
+        check_interruption();
+      } catch (...) {
+        stopped = true;
+        throw;
+      }
       Entry z;
       for (Index lane = 0; lane < lanes; ++lane) {
         const Complex node = nodes[std::min(g * lanes + lane, nodes.size() - 1)];

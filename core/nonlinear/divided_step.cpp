@@ -1,5 +1,7 @@
 #include "core/nonlinear/divided_step.hpp"
 
+#include "core/scene/breakpoints.hpp"
+
 #include <algorithm>
 #include <utility>
 
@@ -38,6 +40,26 @@ NonlinearScene part(const NonlinearScene& scene, double a, double b, const Vecto
 }
 
 }  // namespace
+
+std::vector<double> divisions_of(const Scene& scene) {
+  constexpr double visible = 1e-6;  // of the values; smooth sources change by 1e-12 of them over the distance
+  std::vector<double> breaks;
+  const double side = side_of_break * scene.T;
+  for (const double b : scene.breakpoints_are_all ? scene.breakpoints : find_breakpoints(scene)) {
+    if (b <= side || b >= scene.T - side) continue;
+    bool taken = std::binary_search(scene.breakpoints.begin(), scene.breakpoints.end(), b);
+    for (const auto& [source, size] : {std::pair(&scene.f, scene.sources()), {&scene.g, scene.constraints()}}) {
+      if (taken || !*source) continue;
+      Vector before = Vector::Zero(size), behind = before;
+      (*source)(b - side, before);
+      (*source)(b + side, behind);
+      const double most = std::max(before.cwiseAbs().maxCoeff(), behind.cwiseAbs().maxCoeff());
+      taken = (behind - before).cwiseAbs().maxCoeff() > visible * most;
+    }
+    if (taken) breaks.push_back(b);
+  }
+  return breaks;
+}
 
 NewtonOutcome take_divided(const NonlinearScene& scene, Backend& backend, const StepOptions& options, double t,
                            double length, const std::vector<double>& breaks, Vector& x, Vector& y) {

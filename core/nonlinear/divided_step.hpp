@@ -10,6 +10,10 @@
 
 namespace bromwich {
 
+/// Times at which steps are divided: those that the scene states, as for linear scenes, and found jumps of f or g.
+/// Found kinks need no division: they cost h^2 in one step.
+std::vector<double> divisions_of(const Scene&);
+
 /// What the parts have in common with the other steps.
 struct StepOptions {
   StepRule rule = StepRule::linear;

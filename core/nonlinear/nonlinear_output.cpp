@@ -1,6 +1,7 @@
 #include "core/nonlinear/nonlinear_output.hpp"
 
 #include "core/base/error.hpp"
+#include "core/base/interruption.hpp"
 #include "core/base/text.hpp"
 #include "core/nonlinear/divided_step.hpp"
 #include "core/nonlinear/frozen_windows.hpp"
@@ -31,14 +32,12 @@ Vector value_of(const NonlinearFunction& function, Index size, double t, const V
 class Sampling {
  public:
   Sampling(const NonlinearScene& scene, Backend& backend, const NonlinearResult& result)
-      : scene_(scene),
+      : scene_(in_states(scene)),
         backend_(backend),
         result_(result),
         by_trace_(result.trace.size() > 0),
         J_(result.t.size() - 1),
-        h_(scene.linear.T / double(J_)) {
-    if (result.continuous && !by_trace_) carry();
-  }
+        h_(scene.linear.T / double(J_)) {}
 
   SeenRow at(double t) {
     const double T = scene_.linear.T;
@@ -49,17 +48,39 @@ class Sampling {
     const Index j = std::min(Index(place), J_ - 1);
     const SeenRow before = row(j), after = row(j + 1);
     if (!after.seen.allFinite()) return after;
-    if (!result_.continuous) return by_a_step(j, t - double(j) * h_, before);
-    const double s = place - double(j);
-    const Vector y = (1 - s) * before.y + s * after.y;
-    if (by_trace_) return {(1 - s) * before.seen + s * after.seen, y};
+    if (by_trace_) {
+      const double s = place - double(j);
+      return {(1 - s) * before.seen + s * after.seen, (1 - s) * before.y + s * after.y};
+    }
+    if (!ready_) prepare();
+    if (scene_.linear.dynamics->small_state()) return by_a_step(j, t - double(j) * h_, before);
     const Result one = at_times(frozen_, backend_, carried_, {t});
-    return {one.x.row(0).transpose(), y};
+    return {one.x.row(0).transpose(), one.y.row(0).transpose()};
   }
 
  private:
   const RowMatrix& seen() const { return by_trace_ ? result_.trace : result_.x; }
   SeenRow row(Index j) const { return {seen().row(j).transpose(), result_.y.row(j).transpose()}; }
+
+  void prepare() {
+    scene_.linear.dynamics->small_state() ? choose_step() : carry();
+    ready_ = true;
+  }
+
+  // The steps of the march that finds such rows.
+  void choose_step() {
+    const auto largest = [](const RowMatrix& rows) {
+      return rows.array().isFinite().select(rows.array(), 0.0).abs().maxCoeff();
+    };
+    step_.rule = result_.continuous ? StepRule::linear : StepRule::radau;
+    step_.sizes = {largest(result_.x), largest(result_.y)};
+    divisions_ = divisions_of(scene_.linear);
+    if (!result_.continuous) return;
+    NonlinearScene first = scene_;
+    first.linear = part_of(scene_.linear, 0, h_, scene_.linear.x0);
+    const NonlinearSteps steps(first, backend_, 1, step_.rule, step_.tolerance, step_.most_newton);
+    step_.least = selects_least(steps.lcp_class(scene_.linear.x0, Vector::Zero(scene_.linear.constraints())));
+  }
 
   // The linear scene with phi and gamma of the result as sources, and its result.
   void carry() {
@@ -86,30 +107,23 @@ class Sampling {
   }
 
   SeenRow by_a_step(Index j, double length, const SeenRow& before) const {
-    const auto largest = [](const RowMatrix& rows) {
-      return rows.array().isFinite().select(rows.array(), 0.0).abs().maxCoeff();
-    };
-    StepOptions options;
-    options.rule = StepRule::radau;
-    options.sizes = {largest(result_.x), largest(result_.y)};
-    const double t = double(j) * h_;
-    std::vector<double> breaks;
-    for (const double b : scene_.linear.breakpoints)
-      if (b > t && b < t + length) breaks.push_back(b);
     SeenRow at = before;
-    if (!take_divided(in_states(scene_), backend_, options, t, length, breaks, at.seen, at.y).solved)
+    if (!take_divided(scene_, backend_, step_, double(j) * h_, length, divisions_, at.seen, at.y).solved)
       at.seen.setConstant(std::nan("")), at.y.setConstant(std::nan(""));
     return at;
   }
 
-  const NonlinearScene& scene_;
+  const NonlinearScene scene_;
   Backend& backend_;
   const NonlinearResult& result_;
   bool by_trace_;
   Index J_;
   double h_;
-  Scene frozen_;
-  Result carried_;
+  bool ready_ = false;
+  StepOptions step_;               ///< of scenes with dense matrices
+  std::vector<double> divisions_;  ///< likewise
+  Scene frozen_;                   ///< of other scenes
+  Result carried_;                 ///< likewise
 };
 
 }  // namespace
@@ -125,6 +139,7 @@ NonlinearResult nonlinear_at(const NonlinearScene& scene, Backend& backend, cons
   Sampling sampling(scene, backend, result);
   const bool by_trace = result.trace.size() > 0;
   for (Index k = 0; k < count; ++k) {
+    check_interruption();
     const SeenRow one = sampling.at(times[std::size_t(k)]);
     (by_trace ? sampled.trace : sampled.x).row(k) = one.seen.transpose();
     sampled.y.row(k) = one.y.transpose();

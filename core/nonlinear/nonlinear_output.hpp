@@ -1,10 +1,9 @@
 #pragma once
 // Results of nonlinear systems between their time points, and in the form of linear ones.
 //
-// Where y is continuous the result is that of the linear scene whose sources hold phi and gamma of the result, linear
-// between the time points. y is linear between them, too, and e^{sA} carries x from the time point before
-// (core/solve/dense_output.hpp). Where y may jump, a step from the time point before to the requested time is solved by
-// Josephy-Newton.
+// Scenes with dense matrices: a step from the time point before to the requested time is solved by Josephy-Newton, as
+// in the march. Others: the result is that of the linear scene whose sources hold phi and gamma of the result, linear
+// between the time points, and x and y are its values there (core/solve/dense_output.hpp).
 
 #include "../result/result.hpp"
 #include "solve_nonlinear.hpp"

@@ -6,7 +6,6 @@
 #include "core/nonlinear/divided_step.hpp"
 #include "core/nonlinear/doubts.hpp"
 #include "core/nonlinear/nonlinear_run.hpp"
-#include "core/scene/breakpoints.hpp"
 #include "core/scene/coarse_sources.hpp"
 
 #include <algorithm>
@@ -18,28 +17,6 @@
 namespace bromwich {
 
 namespace {
-
-// Times at which steps are divided: those that the scene states, as for linear scenes, and found jumps of f or g. Found
-// kinks need no division: they cost h^2 in one step.
-std::vector<double> breaks_of(const Scene& scene) {
-  constexpr double visible = 1e-6;  // of the values; smooth sources change by 1e-12 of them over the distance
-  std::vector<double> breaks;
-  const double side = side_of_break * scene.T;
-  for (const double b : scene.breakpoints_are_all ? scene.breakpoints : find_breakpoints(scene)) {
-    if (b <= side || b >= scene.T - side) continue;
-    bool taken = std::binary_search(scene.breakpoints.begin(), scene.breakpoints.end(), b);
-    for (const auto& [source, size] : {std::pair(&scene.f, scene.sources()), {&scene.g, scene.constraints()}}) {
-      if (taken || !*source) continue;
-      Vector before = Vector::Zero(size), behind = before;
-      (*source)(b - side, before);
-      (*source)(b + side, behind);
-      const double most = std::max(before.cwiseAbs().maxCoeff(), behind.cwiseAbs().maxCoeff());
-      taken = (behind - before).cwiseAbs().maxCoeff() > visible * most;
-    }
-    if (taken) breaks.push_back(b);
-  }
-  return breaks;
-}
 
 // The largest difference at the points of the coarser grid, each component relative to its largest value, or to 1e-3 of
 // the largest of its kind.
@@ -186,7 +163,7 @@ NonlinearResult solve_nonlinear(const NonlinearScene& scene, Backend& backend, c
                 "use auto, march, contour or multigrid");
   if (!(options.error >= 0)) throw Error("error", text("found %g", options.error), "give a positive number, or 0");
   const NonlinearScene stated = in_states(scene);
-  const std::vector<double> breaks = breaks_of(stated.linear);
+  const std::vector<double> breaks = divisions_of(stated.linear);
   return options.error > 0 ? refine(stated, scene.linear, breaks, backend, options)
                            : solve_on_one_grid(stated, scene.linear, breaks, backend, options);
 }

@@ -74,6 +74,13 @@ void validate(const std::string& member, const TimeFunction& function, Index len
   require_finite(member + "(0)", value);
 }
 
+// s -> source(t + s)
+TimeFunction from(double t, const TimeFunction& source) {
+  if (!source) return source;
+  if (const auto* separable = source.separable()) return SeparableSource{separable->shapes, from(t, separable->time)};
+  return [source, t](double s, Eigen::Ref<Vector> value) { source(t + s, value); };
+}
+
 }  // namespace
 
 Index Scene::states() const { return bromwich::states(dynamics); }
@@ -94,9 +101,7 @@ Scene part_of(const Scene& scene, double t, double length, const Vector& x) {
   part.boundary.reset();
   part.x0 = x;
   part.T = length;
-  for (auto source : {&Scene::f, &Scene::g})
-    if (scene.*source)
-      part.*source = [given = scene.*source, t](double s, Eigen::Ref<Vector> value) { given(t + s, value); };
+  for (auto source : {&Scene::f, &Scene::g}) part.*source = from(t, scene.*source);
   part.breakpoints.clear();
   for (const double b : scene.breakpoints)
     if (b - t > 0 && b - t < length) part.breakpoints.push_back(b - t);

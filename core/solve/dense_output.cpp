@@ -1,6 +1,7 @@
 #include "core/solve/dense_output.hpp"
 
 #include "core/base/error.hpp"
+#include "core/base/interruption.hpp"
 #include "core/base/text.hpp"
 #include "core/galerkin/recovery.hpp"
 #include "core/kernel/discretise.hpp"
@@ -137,6 +138,7 @@ void sample(const Scene& given, Backend& backend, const Result& result, const st
   if (between.empty()) return;
   const Matrix before = states_before(scene, backend, result, there);
   for (std::size_t i = 0; i < between.size(); ++i) {
+    check_interruption();
     const Place& at = there[i];
     if (bends.inside(at.row) && sample_by_a_step(scene, backend, at, before.col(Index(i)), between[i], sampled))
       continue;
@@ -179,6 +181,7 @@ void sample_by_steps(const Scene& given, Backend& backend, const Result& result,
   options.states = StateSelection::all;
   options.trace = sampled.trace.cols() > 0;
   for (Index k = 0; k < Index(places.size()); ++k) {
+    check_interruption();
     const Place& at = places[std::size_t(k)];
     sampled.y.row(k).setConstant(NAN);
     if (at.part == 0) {

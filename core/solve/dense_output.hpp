@@ -16,7 +16,7 @@ namespace bromwich {
 /// The result with rows at `times` instead of its time points: t, y, the recorded components of x, and N x if it is
 /// recorded. Rows after the end of the result are NaN; so is N x between time points if no x is recorded or the scene
 /// has free rows. A result whose y may jump is solved again unless all its states are recorded. Throws Error for times
-/// outside [0, T], and for method goal.
+/// outside [0, T], and for method goal; Interrupted where check_interruption does.
 Result at_times(const Scene&, Backend&, const Result&, const std::vector<double>& times);
 
 }  // namespace bromwich

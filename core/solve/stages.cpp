@@ -122,6 +122,20 @@ Result by_galerkin(const Scene& scene, Backend& backend, const InnerOptions& opt
   return result;
 }
 
+// f given per state as a few shapes times functions of time: the shapes are columns F, which take the place of one
+// column for each state in the shifted solves of large dynamics.
+std::optional<Result> columns_of_f(const Scene& scene, Backend& backend, const InnerOptions& options,
+                                   const Solve& solve) {
+  const SeparableSource* f = scene.f.separable();
+  if (!f || scene.f_entry != SourceEntry::state || scene.port) return std::nullopt;
+  if (scene.dynamics->small_state() || scene.dynamics->modes()) return std::nullopt;
+  Scene same = scene;
+  same.F = f->shapes.sparseView(0, 0);
+  same.f = f->time;
+  same.f_entry = SourceEntry::through_F;
+  return solve(same, backend, options);
+}
+
 // A regular E: eliminated where that keeps A sparse.
 std::optional<Result> mass_matrix(const Scene& scene, Backend& backend, const InnerOptions& options,
                                   const Solve& solve) {
@@ -274,12 +288,11 @@ std::optional<Result> one_grid(const Scene& scene, Backend& backend, const Inner
   return solve_on_one_grid(scene, backend, options);
 }
 
-constexpr Stage stages[] = {mass_matrix,    solve_in_symmetric_form,
-                            natural_units,  goal,
-                            no_constraints, galerkin_alone,
-                            small_sparse,   events,
-                            tolerance,      galerkin,
-                            free_rows,      one_grid};
+constexpr Stage stages[] = {columns_of_f,   mass_matrix,  solve_in_symmetric_form,
+                            natural_units,  goal,         no_constraints,
+                            galerkin_alone, small_sparse, events,
+                            tolerance,      galerkin,     free_rows,
+                            one_grid};
 
 }  // namespace
 

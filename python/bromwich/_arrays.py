@@ -97,6 +97,10 @@ def on_host(a: Any, name: str) -> np.ndarray:
             found = from_device(a, name)
         elif hasattr(a, "__dlpack__") and not hasattr(a, "__array__"):
             found = _through_dlpack(a, name)
+    if np.ma.is_masked(found):
+        raise Error(f"{name}: has masked entries; fill them, as with .filled(0)", name)
+    if hasattr(found, "matvec"):
+        raise Error(f"{name}: is an operator; give a matrix, or bromwich.Dynamics with solves of (zI - A) X = R", name)
     try:
         array = np.asarray(found)
         if np.iscomplexobj(array):

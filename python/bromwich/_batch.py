@@ -16,7 +16,7 @@ from ._progress import reporting
 from ._ranks import DealtAnswer, Ranks, ranks_of
 from ._result import Status
 from ._scene import Scene
-from ._solve import Check, Progress, _options, host_threads
+from ._solve import Check, Progress, _options, host_threads, known
 from ._sources import source
 
 MATRICES = ("A", "B", "N", "M", "E")
@@ -140,6 +140,7 @@ def solve_batch(
         >>> r.y.shape, r.status[0]
         ((3, 401, 1), <Status.solved: 'solved'>)
     """
+    known(arguments, solve_batch)
     shared = ranks_of(ranks, stop)
     models, count, axes, x0, f, g, first = _batch(scenes, steps, arguments)
     options = _options(

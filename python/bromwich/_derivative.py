@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from . import _core
+from ._arrays import on_host
 from ._sources import _require, source
 
 if TYPE_CHECKING:
@@ -115,8 +116,9 @@ class Derivative:
             Error: another shape, or entries that are not finite; a change of M where :attr:`without_M` says that there is no
                 derivative.
         """
-        arrays = [None if v is None else _table(v) for v in (f, g, A, B, N, M, E)]
-        return Tangent(*self._core.jvp(None if x0 is None else _values(x0).ravel(), *arrays))
+        tables = {"f": f, "g": g, "A": A, "B": B, "N": N, "M": M, "E": E}
+        arrays = [None if v is None else _table(v, name) for name, v in tables.items()]
+        return Tangent(*self._core.jvp(None if x0 is None else _values(x0, "x0").ravel(), *arrays))
 
     def vjp(self, *, y: Any = None, x: Any = None, w: Any = None, integral: Any = None) -> Gradient:
         """The gradient of Σ y̅·y + x̅·x + w̅·w + i̅·∫y with respect to the data.
@@ -128,8 +130,8 @@ class Derivative:
         Raises:
             Error: another shape, or entries that are not finite; weights of y, x or w at a switch (:attr:`one_sided`).
         """
-        return Gradient(*self._core.vjp(*(None if v is None else _table(v) for v in (y, x, w, integral))))
-
+        tables = {"y": y, "x": x, "w": w, "integral": integral}
+        return Gradient(*self._core.vjp(*(None if v is None else _table(v, name) for name, v in tables.items())))
 
     def quantity(self, *, W: Any = None, c: Any = None, end_W: Any = None, end_c: Any = None) -> QuantityGradient:
         """A quantity of interest of the discrete states and its gradient with respect to the data:
@@ -143,9 +145,9 @@ class Derivative:
         Returns:
             ``value``, ``gradient`` (a :class:`Gradient`) and ``weights`` ((J+1) x m, dI/dx, to weigh a :class:`Tangent`).
         """
-        tables = [None if v is None else _table(v) for v in (W, end_W)]
+        tables = [None if v is None else _table(v, name) for name, v in (("W", W), ("end_W", end_W))]
         entering = source(c, "c", self._core.states, float(self._result.t[-1]), {})
-        end = None if end_c is None else _values(end_c).ravel()
+        end = None if end_c is None else _values(end_c, "end_c").ravel()
         value, weights = self._core.quantity(tables[0], entering, tables[1], end)
         return QuantityGradient(value, self.vjp(x=weights), weights)
 
@@ -208,7 +210,7 @@ class BatchDerivative:
             _require(name in names.split(), name, "is not known", f"use {', '.join(names.split())}")
             if value is None:
                 continue
-            v, axes = _values(value), self._AXES[name]
+            v, axes = _values(value, name), self._AXES[name]
             _require(v.ndim in (axes, axes + 1), name, f"has {v.ndim} axes", f"give {axes}, or one more for the scenes")
             own = v.ndim == axes + 1
             _require(not own or v.shape[0] == self._K, name, f"has a leading axis of length {v.shape[0] if own else 0}",
@@ -218,9 +220,9 @@ class BatchDerivative:
         return tables
 
 
-def _values(v: Any) -> np.ndarray:
-    return np.ascontiguousarray(v, dtype=np.float64)
+def _values(v: Any, name: str) -> np.ndarray:
+    return np.ascontiguousarray(on_host(v, name))
 
 
-def _table(v: Any) -> np.ndarray:
-    return np.atleast_2d(_values(v))
+def _table(v: Any, name: str) -> np.ndarray:
+    return np.atleast_2d(_values(v, name))

@@ -91,7 +91,8 @@ _NAMES = {
 
 def made(kind: str, argument: str, rest: str) -> Error:
     """The exception for an error of the library, with the argument that it names."""
-    argument = argument.removesuffix("(0)")  # a source at t = 0
+    if argument.endswith("(0)"):  # a source at t = 0
+        argument, rest = argument.removesuffix("(0)"), f"at t = 0 {rest}"
     argument = _NAMES.get(argument, argument)
     rest = re.sub(r"--backend (\w+)", r"backend='\1'", rest)
     rest = re.sub(r"--(\w+)", r"\1", rest)

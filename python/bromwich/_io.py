@@ -13,7 +13,7 @@ import numpy as np
 
 from . import _core
 from ._errors import Error
-from ._result import Result
+from ._rows import Rows
 
 FORMAT = "bromwich-result/1"
 ARRAYS = {"y": "constraint", "w": "constraint", "x": "state"}
@@ -28,8 +28,8 @@ HDF5 = (".h5", ".hdf5", ".nc")
 VALUES_PER_CHUNK, MOST_ROWS_PER_CHUNK = 1 << 17, 1 << 12
 
 
-def save(result: Result, path: str | os.PathLike[str]) -> None:
-    """Writes a result; see :meth:`Result.save`."""
+def save(result: Rows, path: str | os.PathLike[str]) -> None:
+    """Writes a result; see :meth:`Rows.save`."""
     name, extension = extension_of(path, (*HDF5, ".npz", ".csv"))
     rows = _valid_rows(result)
     arrays = {"t": result.t[:rows]}
@@ -71,7 +71,7 @@ def extension_of(path: str | os.PathLike[str], extensions: tuple[str, ...]) -> t
     return name, extension
 
 
-def _valid_rows(result: Result) -> int:
+def _valid_rows(result: Rows) -> int:
     """Rows up to the last one with a value."""
     rows = len(result.t)
     if result.ok:
@@ -80,7 +80,7 @@ def _valid_rows(result: Result) -> int:
     return int(np.max(np.nonzero(finite)[0], initial=-1)) + 1
 
 
-def _scales(result: Result, arrays: dict[str, np.ndarray], named: bool = True) -> dict[str, np.ndarray]:
+def _scales(result: Rows, arrays: dict[str, np.ndarray], named: bool = True) -> dict[str, np.ndarray]:
     """The second dimensions: numbers and names, those of the scene or y0, x0, ..."""
     numbers = {"constraint": np.arange(result.y.shape[1], dtype=np.int64)}
     if "x" in arrays:
@@ -103,7 +103,7 @@ def h5py_for(name: str) -> Any:
     return h5py
 
 
-def _save_hdf5(result: Result, name: str, arrays: dict[str, np.ndarray], facts: dict[str, Any]) -> None:
+def _save_hdf5(result: Rows, name: str, arrays: dict[str, np.ndarray], facts: dict[str, Any]) -> None:
     h5py = h5py_for(name)
     # In memory first: HDF5 ends the process after a file that it could not write, on a full disk.
     with h5py.File(name, "w", driver="core", backing_store=False, block_size=1 << 20) as file:
@@ -148,7 +148,7 @@ def _shortest(value: float) -> str:
     return text[:-2] if text.endswith(".0") else text
 
 
-def _save_csv(result: Result, name: str, arrays: dict[str, np.ndarray]) -> None:
+def _save_csv(result: Rows, name: str, arrays: dict[str, np.ndarray]) -> None:
     scales = _scales(result, arrays, named=False)  # the letters of the header tell y from x
     columns = [arrays["t"][:, None], result.y[: len(arrays["t"])], arrays.get("x", np.empty((len(arrays["t"]), 0)))]
     header = ["t", *scales.get("constraint_name", []), *scales.get("state_name", [])]
@@ -161,31 +161,21 @@ def _save_csv(result: Result, name: str, arrays: dict[str, np.ndarray]) -> None:
             file.write(f"# ended {end}: {result.status}, {result.reason or 'no reason was given'}\n")
 
 
-def attributes(result: Result) -> dict[str, Any]:
+# Members of results that are attributes of their files. A nonlinear result does not have all of them.
+FACTS = (
+    "reason warning method backend kernel steps iterations residual kernel_error seconds error_estimate boundary_residual "
+    "infeasible_at"
+).split()
+FLAGS = ("continuous", "starts_with_impulse")
+
+
+def attributes(result: Rows) -> dict[str, Any]:
     """The attributes of a result, as the command writes them."""
-    facts: dict[str, Any] = {
-        "format": FORMAT,
-        "scene": result.scene.name,
-        "status": str(result.status),
-        "reason": result.reason,
-        "warning": result.warning,
-        "method": result.method,
-        "backend": result.backend,
-        "kernel": result.kernel,
-        "steps": result.steps,
-        "iterations": result.iterations,
-        "continuous": int(result.continuous),
-        "starts_with_impulse": int(result.starts_with_impulse),
-        "residual": result.residual,
-        "kernel_error": result.kernel_error,
-        "seconds": result.seconds,
-        "created": datetime.datetime.now(datetime.timezone.utc).strftime("%Y-%m-%dT%H:%M:%SZ"),
-        "bromwich_version": _core.version,
-    }
-    for name in ("error_estimate", "boundary_residual", "infeasible_at"):
-        value = getattr(result, name)
-        if value is not None:
-            facts[name] = value
+    facts: dict[str, Any] = {"format": FORMAT, "scene": result.scene.name, "status": str(result.status)}
+    known = {name: getattr(result, name, None) for name in (*FACTS, *FLAGS)}
+    facts |= {name: int(value) if name in FLAGS else value for name, value in known.items() if value is not None}
+    facts["created"] = datetime.datetime.now(datetime.timezone.utc).strftime("%Y-%m-%dT%H:%M:%SZ")
+    facts["bromwich_version"] = _core.version
     if rows := _valid_rows(result):
         facts["t_end"] = float(result.t[rows - 1])
     return facts

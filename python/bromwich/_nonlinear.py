@@ -12,19 +12,26 @@ from . import _core
 from ._arrays import number, whole_number, word
 from ._errors import Error
 from ._result import Status, Switch
+from ._rows import Rows
 from ._scene import Scene
-from ._solve import Check, host_threads, judged, stated
+from ._solve import Check, host_threads, judged, known, stated
+from ._words import suggestion
+
+METHODS = ("auto", "march", "iteration", "newton", "pointwise")
+INNER = ("auto", "march", "contour", "multigrid")
 
 Function = Callable[[float, np.ndarray, np.ndarray], Any]
 
 
-class NonlinearResult:
+class NonlinearResult(Rows):
     """The result of :func:`solve_nonlinear`.
 
     Attributes:
-        status, reason, warning: as in :class:`Result`.
+        scene: the linear part.
+        status, reason, warning, seconds: as in :class:`Result`.
         t: J+1 times.
         x, y, w: (J+1) x m, n and n; NaN after the last valid time.
+        x_components: which component of the state each column of x is: all of them, or none.
         trace: (J+1) x n, v = N x in place of x, with ``of="trace"`` in scenes that are not dense; otherwise empty.
         continuous: whether y is linear between its rows; otherwise it may jump from step to step.
         residual: max |min(y, w)| / max(1, |w - M y|) at the time points.
@@ -36,19 +43,25 @@ class NonlinearResult:
         backend: that solved it.
     """
 
-    def __init__(self, answer: _core.NonlinearAnswer) -> None:
-        self._answer = answer
+    def __init__(self, answer: _core.NonlinearAnswer, scene: Scene) -> None:
+        self._answer, self.scene = answer, scene
         self.status = Status(answer.status)
         for name in (
             "reason warning t x y w trace continuous residual defect error_estimate method newton solves windows "
-            "marched contraction backend"
+            "marched contraction backend seconds"
         ).split():
             setattr(self, name, getattr(answer, name))
+        self.x_components = list(range(self.x.shape[1]))
 
     @property
-    def ok(self) -> bool:
-        """Whether the status is ``solved``."""
-        return self.status is Status.solved
+    def steps(self) -> int:
+        """J."""
+        return self.t.size - 1
+
+    @property
+    def switches(self) -> list[Switch]:
+        """When constraints become active and inactive, in order of time; the errors are those of interpolation."""
+        return [Switch(*s) for s in self._answer.switches()]
 
     def at(self, t: float | Iterable[float]) -> NonlinearResult:
         """The result at other times: a row of ``t``, ``x``, ``y`` and ``w`` for each.
@@ -59,14 +72,12 @@ class NonlinearResult:
         Raises:
             Error: for times outside [0, T].
         """
-        return NonlinearResult(self._answer.at(np.atleast_1d(np.asarray(t, dtype=np.float64)).ravel().tolist()))
-
-    def switches(self) -> list[Switch]:
-        """When constraints become active and inactive, in order of time; the errors are those of interpolation."""
-        return [Switch(*s) for s in self._answer.switches()]
+        return NonlinearResult(self._answer.at(self._times(t)), self.scene)
 
     def __repr__(self) -> str:
-        return f"<bromwich.NonlinearResult {self.status}, {self.method}, {self.t.size - 1} steps>"
+        words = [f"{self.status} by {self.method}", *([] if self.ok else [self.reason]), f"{self.steps} steps"]
+        words += [f"warning: {self.warning}"] if self.warning else []
+        return f"<bromwich.NonlinearResult {', '.join(words)}>"
 
 
 def solve_nonlinear(
@@ -139,20 +150,22 @@ def solve_nonlinear(
             if function is not None:
                 raise Error(f"{name}: is given with a scene file, which states it; leave it out", name)
         model, terms, facts = _core.read_nonlinear(os.fspath(scene), {k: number(v, k) for k, v in arguments.items()})
+        scene = Scene._of(model, facts["parameters"], {"description": facts["description"], "warning": facts["warning"]})
         if steps is tol is None:
             tol = facts["tolerance"]
     else:
-        model = stated(scene, steps, arguments)._model
+        known(arguments, solve_nonlinear)
+        scene = stated(scene, steps, arguments)
     answer = _core.solve_nonlinear(
-        model,
+        scene._model,
         _values("phi", phi, dphi),
         _values("gamma", gamma, dgamma),
         _pair("dphi", dphi, phi),
         _pair("dgamma", dgamma, gamma),
         terms,
         of == "trace",
-        word(method, "method"),
-        word(inner, "inner"),
+        _one_of(method, "method", METHODS),
+        _one_of(inner, "inner", INNER),
         0 if steps is None else whole_number(steps, "steps"),
         _positive("tol", tol),
         0 if max_steps is None else whole_number(max_steps, "max_steps"),
@@ -161,7 +174,14 @@ def solve_nonlinear(
         host_threads(threads),
         stop,
     )
-    return judged(NonlinearResult(answer), answer.by_keyboard, check, stop, 3)
+    return judged(NonlinearResult(answer, scene), answer.by_keyboard, check, stop, 3)
+
+
+def _one_of(value: Any, name: str, words: tuple[str, ...]) -> str:
+    if word(value, name) not in words:
+        listed = f"{', '.join(words[:-1])} or {words[-1]}"
+        raise Error(f"{name}: found {value!r}{suggestion(value, words)}; use {listed}", name)
+    return value
 
 
 def _positive(name: str, value: float | None, below: float = float("inf")) -> float:

@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ._result import Result, require
+from ._arrays import listed, whole
+from ._result import require
+from ._rows import Rows
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -16,7 +18,7 @@ if TYPE_CHECKING:
 MOST_LINES = 10
 
 
-def plot(result: Result, what: str, components: Iterable[int] | None, ax: Axes | None) -> Any:
+def plot(result: Rows, what: str, components: Iterable[int] | None, ax: Axes | None) -> Any:
     import matplotlib.pyplot as plt
 
     require(what in ("auto", "x", "y", "w"), "what", f"found {what!r}; use 'auto', 'x', 'y' or 'w'")
@@ -34,18 +36,22 @@ def plot(result: Result, what: str, components: Iterable[int] | None, ax: Axes |
     return ax
 
 
-def _title(result: Result, ax: Axes) -> None:
+def _title(result: Rows, ax: Axes) -> None:
     status = "" if result.ok else f"({result.status})"
     ax.set_title(" ".join(word for word in (result.scene.name, status) if word))
 
 
-def _draw(result: Result, what: str, components: Iterable[int] | None, ax: Axes) -> None:
+def _draw(result: Rows, what: str, components: Iterable[int] | None, ax: Axes) -> None:
     values = getattr(result, what)
     require(values is not None and values.shape[1] > 0, what, "was not recorded; solve with states='all'")
+    if what != "x" and getattr(result, "starts_with_impulse", False):  # the first row is no value
+        values = np.concatenate([np.full_like(values[:1], np.nan), values[1:]])
     numbers = np.array(result.x_components if what == "x" else range(values.shape[1]), dtype=int)
     names = np.array(_names(result, what) or [f"${what}_{{{i}}}$" for i in numbers])
     if components is not None:
-        columns = [int(c) for c in components]
+        columns = [whole(c, "components") for c in listed(components, "components")]
+        for c in columns:
+            require(-len(names) <= c < len(names), "components", f"found {c}; give columns from 0 to {len(names) - 1}")
         values, numbers, names = values[:, columns], numbers[columns], names[columns]
     ax.set_xlabel(_with_unit(result, "t", "t"))
     if len(names) > MOST_LINES:
@@ -62,10 +68,10 @@ def _draw(result: Result, what: str, components: Iterable[int] | None, ax: Axes)
         ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
 
 
-def _names(result: Result, what: str) -> list[str]:
+def _names(result: Rows, what: str) -> list[str]:
     return result.state_names if what == "x" else result.constraint_names if what == "y" else []
 
 
-def _with_unit(result: Result, what: str, label: str) -> str:
+def _with_unit(result: Rows, what: str, label: str) -> str:
     unit = result.units[what]
     return f"{label} [{unit}]" if unit else label

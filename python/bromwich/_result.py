@@ -3,22 +3,18 @@
 from __future__ import annotations
 
 import enum
-import os
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from . import _core
-from ._arrays import on_host
 from ._derivative import Derivative
 from ._errors import Error
+from ._rows import Rows
 from ._sources import restored
 
 if TYPE_CHECKING:
-    import xarray
-    from matplotlib.axes import Axes
-
     from ._scene import Scene
 
 
@@ -47,7 +43,7 @@ class Switch(NamedTuple):
     error: float  #: estimated, of t
 
 
-class Result:
+class Result(Rows):
     """The result of a solve. Arrays are read-only views without a copy; they keep the result alive.
 
     ``t`` has J+1 times; ``y``, ``x``, ``w`` have one row for each. Rows after the last valid time are NaN.
@@ -66,31 +62,9 @@ class Result:
         return self._scene
 
     @property
-    def constraint_names(self) -> list[str]:
-        """Of the columns of ``y`` and ``w``, where the scene gives them; otherwise empty."""
-        return self._scene.names["y"]
-
-    @property
-    def state_names(self) -> list[str]:
-        """Of the columns of ``x``, likewise."""
-        names = self._scene.names["x"]
-        return [names[i] for i in self.x_components] if names else []
-
-    @property
-    def units(self) -> dict[str, str]:
-        """Of ``t``, ``y``, ``w`` and ``x``, where the scene gives one for all components; otherwise an empty text."""
-        found = self._scene.units
-        return {key: found[key][0] if len(set(found[key])) == 1 else "" for key in ("t", "y", "w", "x")}
-
-    @property
     def status(self) -> Status:
         """``solved``, or what is wrong."""
         return Status(self._answer.status)
-
-    @property
-    def ok(self) -> bool:
-        """Whether the status is ``solved``."""
-        return self._answer.status == "solved"
 
     @property
     def reason(self) -> str:
@@ -237,85 +211,37 @@ class Result:
         return [Switch(*s) for s in self._answer.switches(True)]
 
     def at(self, t: float | Iterable[float]) -> Result:
-        """The result at other times, in the order of the method: a row of ``t``, ``y`` and the recorded ``x`` for each.
+        """The result at other times: a row of ``t``, ``y``, ``w`` and the recorded ``x`` for each.
+
+        Times of rows give these rows. Between them a result of method ``events`` has the values of one more integration
+        with located switches. For other methods the scene is solved again from the row before up to the requested time,
+        so that a switch or a jump inside the step is followed. Two cases need no further solve: method ``galerkin``, whose
+        y is linear on its interval, and steps of Kronecker sums (or of y alone of sparse scenes) in which nothing switches
+        or jumps. Where the state at the rows was not recorded and cannot be computed from y, the whole scene is solved
+        again.
 
         Raises:
-            Error: for times outside [0, T]; for times between time points where y is not linear there; for x of sparse
-                scenes (solve with ``states=None``).
+            Error: for times outside [0, T]; for method ``goal``, whose time points are the answer; :class:`DoesNotFit`
+                where the states at all time points take more than 4 GB.
         """
-        times = np.atleast_1d(on_host(t, "t")).ravel()
-        first, last = self._span()
-        for time in times[~((times >= first) & (times <= last * (1 + np.finfo(float).eps)))][:1].tolist():
-            raise Error(f"t: found {time!r}; give times from {first!r} to {last!r}", "t")
-        return Result(self._answer.at(times.tolist()), self._scene)
+        return Result(self._answer.at(self._times(t)), self._scene)
 
     def derivative(self, *, located: bool | None = None) -> Derivative:
-        """The derivative of y, x and w with respect to the data of the scene.
+        """The derivative of y, x and w with respect to the data of the scene (``docs/derivatives.md``).
 
         Args:
-            located: False: of the discrete solution, for dense A, B, N and M, a continuous y and the methods march,
-                contour and multigrid. True: of the solution with located switches, for small dense scenes, also where y
-                or x jumps (relays, M = 0, impacts). None: located where y may jump.
+            located: False: of the discrete solution, for a continuous y and the methods march, contour and multigrid.
+                True: of the solution with located switches, for dense scenes of up to 64 states and 48 constraints, also
+                where y or x jumps (relays, M = 0, impacts). None: located where y may jump.
+
+        With more than 1000 states there are derivatives by x0, f, g and M alone, without tables of x: those of Kronecker
+        sums in modes on the host or over all time points on the backend of the result, whichever takes less time; those of
+        sparse dynamics over all time points.
 
         Raises:
             Error: the solution is not differentiable here, and why.
         """
         return Derivative(self, located)
-
-    def plot(self, what: str = "auto", *, components: Iterable[int] | None = None, ax: Axes | None = None) -> Axes:
-        """Draws y, x or w over time with matplotlib; many components as a picture over time.
-
-        Args:
-            what: ``"y"``, ``"x"``, ``"w"``, or ``"auto"``: x and y side by side where x was recorded.
-            components: columns to draw; None: all.
-            ax: axes to draw into; None: new ones.
-        """
-        from ._plot import plot
-
-        return plot(self, what, components, ax)
-
-    def to_xarray(self) -> xarray.Dataset:
-        """A dataset with dimensions ``t``, ``constraint`` and ``state``, names and units; the rest as attributes."""
-        import xarray
-
-        constraint = np.arange(self.y.shape[1])
-        variables = {"y": (("t", "constraint"), self.y)}
-        if self.w is not None:
-            variables["w"] = (("t", "constraint"), self.w)
-        if self.x.shape[1] > 0:
-            variables["x"] = (("t", "state"), self.x)
-        coordinates = {"t": self.t, "constraint": constraint, "state": np.array(self.x_components, dtype=int)}
-        for dimension, names in (("constraint", self.constraint_names), ("state", self.state_names)):
-            if names and len(names) == len(coordinates[dimension]):
-                coordinates[f"{dimension}_name"] = (dimension, names)
-        dataset = xarray.Dataset(variables, coordinates, attrs=self._attributes())
-        for key, unit in self.units.items():
-            if unit and key in dataset:
-                dataset[key].attrs["units"] = unit
-        return dataset
-
-    def save(self, path: str | os.PathLike[str]) -> None:
-        """Writes the rows up to the last valid one in the layout of the command (``docs/output.md``).
-
-        Args:
-            path: ends in ``.h5`` (HDF5, needs h5py; ``xarray.open_dataset(path, engine="h5netcdf")`` opens it), in
-                ``.npz`` (NumPy) or in ``.csv`` (t, y and x). :func:`bromwich.load` reads all of them.
-
-        Raises:
-            Error: for another extension, or without h5py.
-        """
-        from ._io import save
-
-        save(self, path)
-
-    def _attributes(self) -> dict[str, Any]:
-        from ._io import attributes
-
-        return attributes(self)
-
-    def _span(self) -> tuple[float, float]:
-        """The first and the last time for which ``at`` has values."""
-        return 0.0, self._scene.T
 
     def __repr__(self) -> str:
         return f"<bromwich.Result {', '.join(self._words())}>"

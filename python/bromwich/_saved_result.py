@@ -6,6 +6,7 @@ import errno
 import json
 import math
 import os
+import zipfile
 from types import SimpleNamespace
 from typing import Any
 
@@ -33,8 +34,11 @@ def load(path: str | os.PathLike[str]) -> SavedResult:
     if not os.path.exists(name):
         raise FileNotFoundError(errno.ENOENT, "path: the file does not exist; give a file of results", name)
     if extension == ".npz":
-        with np.load(name, allow_pickle=False) as file:
-            arrays = {key: file[key] for key in file.files}
+        try:
+            with np.load(name, allow_pickle=False) as file:
+                arrays = {key: file[key] for key in file.files}
+        except (ValueError, EOFError, AttributeError, zipfile.BadZipFile):  # of what is no such archive
+            arrays = {}
         prefix = "attribute_"
         facts = {key[len(prefix) :]: arrays.pop(key).item() for key in list(arrays) if key.startswith(prefix)}
     elif extension == ".csv":
@@ -214,12 +218,18 @@ def _load_csv(name: str) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
         return {}, {}
     facts: dict[str, Any] = {"status": "solved"}
     rows = []
-    for line in lines[1:]:
+    for number, line in enumerate(lines[1:], 2):
         if line.startswith("# ended"):
             status, _, facts["reason"] = line.split(": ", 1)[1].partition(", ")
             facts["status"] = status
         elif not line.startswith("#"):
-            rows.append([float(word) for word in line.split(",")])
+            try:
+                rows.append([float(word) for word in line.split(",")])
+            except ValueError as error:
+                raise Error(f"path: {name!r}, line {number}: {error}; give numbers", "path") from None
+            if len(rows[-1]) != len(header):
+                found = f"has {len(rows[-1])} values under {len(header)} names"
+                raise Error(f"path: {name!r}, line {number}: {found}; give one for each", "path")
     values = np.array(rows).reshape(len(rows), len(header))
     arrays = {"t": values[:, 0].copy()}
     facts["_columns"] = {word: values[:, i] for i, word in enumerate(header)}

@@ -103,7 +103,7 @@ def solve(
         >>> r = solve(A=[[-1.0]], B=[[1.0]], N=[[1.0]], M=[[1.0]], g="-sin(2*pi*t)", x0=0, T=1)
         >>> r.status, r.y[-1]
     """
-    _known(arguments)
+    known(arguments, solve)
     judgement(check, progress, stop)
     shared = ranks_of(ranks, stop)
     scene = stated(scene, steps, arguments)
@@ -213,12 +213,12 @@ def host_threads(threads: Any) -> int:
     return int(threads)
 
 
-def _known(arguments: dict[str, Any]) -> None:
-    """Refuses unknown arguments as Python does, and suggests a similar name."""
-    of_scene, of_solve = Scene.__init__.__kwdefaults__ or {}, solve.__kwdefaults__ or {}
+def known(arguments: dict[str, Any], function: Callable) -> None:
+    """Refuses arguments that neither a scene nor the function takes, as Python does, and suggests a similar name."""
+    of_scene, own = Scene.__init__.__kwdefaults__ or {}, function.__kwdefaults__ or {}
     for name in (n for n in arguments if n not in of_scene):
-        near = suggestion(name, [*of_scene, *of_solve])
-        raise TypeError(f"solve() got an unexpected keyword argument {name!r}{near}")
+        near = suggestion(name, [*of_scene, *own])
+        raise TypeError(f"{function.__name__}() got an unexpected keyword argument {name!r}{near}")
 
 
 def _options(
@@ -243,8 +243,8 @@ def _options(
     try:
         o.method = method
     except Error as error:  # "method: found 'mach'; use one of auto, march"
-        found, known = str(error).split("; use one of ")
-        raise Error(f"{found}{suggestion(method, known.split(', '))}; use one of {known}", "method") from None
+        found, words = str(error).split("; use one of ")
+        raise Error(f"{found}{suggestion(method, words.split(', '))}; use one of {words}", "method") from None
     o.trace = True
     o.event_location = bool(event_location)
     tolerances = [_tolerance(t, name) for t, name in ((tol, "tol"), (tol_x, "tol_x"), (tol_y, "tol_y")) if t is not None]

@@ -71,7 +71,8 @@ def _require(held: bool, name: str, found: str, remedy: str) -> None:
 def _table(times: np.ndarray, values: np.ndarray, name: str, width: int, T: float, kinks: bool) -> _core.Source:
     if values.ndim == 1:
         values = values.reshape(-1, 1)
-    _require(values.shape[1] == width, name, f"has {values.shape[1]} columns", f"give {width}")
+    pair = f", or times of your own in a tuple, {name}=(times, values)" if not kinks and len(values) == 2 else ""
+    _require(values.shape[1] == width, name, f"has {values.shape[1]} columns", f"give {width}{pair}")
     _require(bool(np.all(np.diff(times) >= 0)), name, "has times that decrease", "sort them")
     _require(
         times[0] <= 0 and times[-1] >= T, name, f"has times from {times[0]:g} to {times[-1]:g}", f"cover 0 to {T:g}"
@@ -143,7 +144,7 @@ def _many(one: _OneTime, T: float) -> _ManyTimes | None:
         return None
     found = found.reshape(width, count).T if turned else found
     alone = np.array([one(float(t)) for t in times])
-    scale = np.max(np.abs(alone), initial=0.0)
+    scale = np.max(np.abs(alone), initial=0.0, where=np.isfinite(alone))
     if not np.allclose(found, alone, rtol=1e-12, atol=1e-13 * scale, equal_nan=True):
         return None
     return _ManyTimes(one.function, one.name, width, turned)

@@ -3,6 +3,7 @@
 #include "arrays.hpp"
 #include "calls.hpp"
 #include "core/base/error.hpp"
+#include "core/base/timer.hpp"
 #include "core/nonlinear/nonlinear_output.hpp"
 #include "core/result/switching.hpp"
 #include "files/nonlinear_file.hpp"
@@ -26,6 +27,7 @@ namespace {
 struct NonlinearAnswer {
   NonlinearResult result;
   std::string backend;
+  double seconds = 0;
   bool by_keyboard = false;
   std::shared_ptr<const NonlinearScene> scene = {};
   std::shared_ptr<Machine> machine = {};
@@ -53,11 +55,12 @@ nb::tuple read_nonlinear(const std::string& file, const ParameterValues& setting
 }
 
 std::shared_ptr<NonlinearAnswer> at_other_times(const NonlinearAnswer& answer, const std::vector<double>& times) {
-  const nb::gil_scoped_release released;
-  const std::lock_guard lock(answer.machine->busy);
-  auto rows = std::make_shared<NonlinearAnswer>(answer);
-  rows->result = nonlinear_at(*answer.scene, *answer.machine->backend, answer.result, times);
-  return rows;
+  return interruptible([&] {
+    const std::lock_guard lock(answer.machine->busy);
+    auto rows = std::make_shared<NonlinearAnswer>(answer);
+    rows->result = nonlinear_at(*answer.scene, *answer.machine->backend, answer.result, times);
+    return rows;
+  });
 }
 
 nb::list nonlinear_switches(const NonlinearAnswer& answer) {
@@ -67,12 +70,20 @@ nb::list nonlinear_switches(const NonlinearAnswer& answer) {
   return all;
 }
 
+/// What a function of t, x and y returns. The arrays are made one by one: where one of several fails, as by Ctrl-C,
+/// nanobind goes on to the next one with an exception set.
+nb::object called(const Kept& function, double t, const Eigen::Ref<const Vector>& x,
+                  const Eigen::Ref<const Vector>& y) {
+  const nb::object of_x = nb::cast(Vector(x)), of_y = nb::cast(Vector(y));
+  return function.get()(t, of_x, of_y);
+}
+
 NonlinearFunction function_of(const std::string& name, nb::object given) {
   if (given.is_none()) return {};
   return [name, call = Kept(std::move(given))](double t, const Eigen::Ref<const Vector>& x,
                                                const Eigen::Ref<const Vector>& y, Eigen::Ref<Vector> value) {
     const nb::gil_scoped_acquire lock;
-    const Vector found = as_vector(nb::cast<Array1>(call.get()(t, Vector(x), Vector(y))));
+    const Vector found = as_vector(nb::cast<Array1>(called(call, t, x, y)));
     if (found.size() != value.size())
       throw Error(name, "returns " + std::to_string(found.size()) + " values",
                   "return " + std::to_string(value.size()));
@@ -87,7 +98,7 @@ NonlinearDerivative derivative_of(const std::string& name, nb::object given) {
                                                const Eigen::Ref<const Vector>& y, Eigen::Ref<Matrix> by_x,
                                                Eigen::Ref<Matrix> by_y) {
     const nb::gil_scoped_acquire lock;
-    const auto both = nb::cast<nb::tuple>(call.get()(t, Vector(x), Vector(y)));
+    const auto both = nb::cast<nb::tuple>(called(call, t, x, y));
     const auto take = [&](std::size_t k, Eigen::Ref<Matrix> to) {
       const Matrix found = as_matrix(nb::cast<Array2>(both[k]));
       if (found.rows() != to.rows() || found.cols() != to.cols())
@@ -146,7 +157,9 @@ std::shared_ptr<NonlinearAnswer> solve_one(const std::shared_ptr<const Model>& m
     const auto machine = machine_for(backend, scene.linear, {}, threads);
     const std::lock_guard lock(machine->busy);
     answer->backend = machine->backend->name();
+    Timer timer;
     answer->result = solve_nonlinear(scene, *machine->backend, options);
+    answer->seconds = timer.lap();
     answer->scene = std::make_shared<const NonlinearScene>(std::move(scene));
     answer->machine = machine;
     return answer;
@@ -180,6 +193,7 @@ void bind_nonlinear(nb::module_& m) {
       .def_prop_ro("marched", [](const NonlinearAnswer& a) { return a.result.marched; })
       .def_prop_ro("contraction", [](const NonlinearAnswer& a) { return a.result.contraction; })
       .def_prop_ro("backend", [](const NonlinearAnswer& a) { return a.backend; })
+      .def_ro("seconds", &NonlinearAnswer::seconds)
       .def_ro("by_keyboard", &NonlinearAnswer::by_keyboard);
   nb::class_<NonlinearTerms>(m, "NonlinearTerms", "phi and gamma of a scene file.");
   m.def("read_nonlinear", &read_nonlinear, nb::arg("file"), nb::arg("settings"));

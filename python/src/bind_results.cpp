@@ -2,6 +2,7 @@
 
 #include "answer.hpp"
 #include "arrays.hpp"
+#include "calls.hpp"
 #include "core/base/error.hpp"
 #include "core/result/slack.hpp"
 #include "core/result/switching.hpp"
@@ -26,16 +27,16 @@ std::optional<View> slack_of(nb::handle_t<Answer> self) {
 }
 
 std::shared_ptr<Answer> at(const Answer& answer, const std::vector<double>& times) {
-  const nb::gil_scoped_release unlocked;
-  const std::lock_guard lock(answer.machine->busy);
-  auto found =
-      std::make_shared<Answer>(Answer{answer.model,
-                                      answer.machine,
-                                      answer.options,
-                                      at_times(answer.model->scene, *answer.machine->backend, answer.result, times),
-                                      false,
-                                      {}});
-  return found;
+  return interruptible([&] {
+    const std::lock_guard lock(answer.machine->busy);
+    return std::make_shared<Answer>(
+        Answer{answer.model,
+               answer.machine,
+               answer.options,
+               at_times(answer.model->scene, *answer.machine->backend, answer.result, times),
+               false,
+               {}});
+  });
 }
 
 nb::list switches_of(const Answer& answer, bool with_errors) {

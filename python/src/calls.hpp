@@ -1,12 +1,14 @@
 #pragma once
 // What a running solve asks of Python: progress, whether to stop, and whether Ctrl-C was pressed.
 
+#include "core/base/interruption.hpp"
 #include "core/result/options.hpp"
 
 #include <nanobind/nanobind.h>
 
 #include <chrono>
 #include <exception>
+#include <functional>
 #include <utility>
 
 namespace bromwich::python {
@@ -51,6 +53,21 @@ auto unlocked(Calls& calls, const Work& work) {
   calls.raise();
   answer->by_keyboard = calls.by_keyboard();
   return answer;
+}
+
+/// What `work` returns, called without the interpreter's lock. Ctrl-C meanwhile leaves as a KeyboardInterrupt.
+template <class Work>
+auto interruptible(const Work& work) {
+  Calls calls{nb::none(), nb::none()};
+  const std::function<bool()> asked = [&calls] { return calls.interrupted(); };
+  try {
+    const nb::gil_scoped_release released;
+    const InterruptedBy keyboard(asked);
+    return work();
+  } catch (const Interrupted&) {
+    PyErr_SetNone(PyExc_KeyboardInterrupt);
+    throw nb::python_error();
+  }
 }
 
 }  // namespace bromwich::python

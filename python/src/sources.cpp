@@ -96,7 +96,8 @@ class Walked {
 }  // namespace
 
 Source constant_source(const Vector& value) {
-  Source source{[value](double, Eigen::Ref<Vector> out) { out = value; }, value.size(), {}, true};
+  const SeparableSource one{value, [](double, Eigen::Ref<Vector> out) { out[0] = 1; }};
+  Source source{TimeFunction(one), value.size(), {}, true};
   source.state = [value] { return nb::make_tuple("constant", value); };
   return source;
 }

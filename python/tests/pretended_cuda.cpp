@@ -1,5 +1,6 @@
 // A shared object in the place of bromwich/_cuda.so: its device is a backend of naive loops. Shows on machines without
-// a device that backends, plans and errors pass between two shared objects.
+// a device that backends, plans and errors pass between two shared objects. The number of threads chooses what it does:
+// three, it fails; two, it says that single steps are expensive, as devices do; otherwise it is like a processor.
 
 #include "core/base/error.hpp"
 #include "kernels/cuda_plugin.hpp"
@@ -12,7 +13,10 @@ bool cuda_built() { return true; }
 
 std::unique_ptr<Backend> make_cuda_backend(std::unique_ptr<Backend> host, int) {
   if (host->threads() == 3) throw Error("device", "is at work", "try again", ErrorKind::device);
-  return make_reference_backend();
+  BackendTraits traits;
+  traits.one_at_a_time = host->threads() != 2;
+  traits.fewest_values = 1000;
+  return make_reference_backend(traits);
 }
 
 CudaCeilings cuda_ceilings() { return {}; }

@@ -5,7 +5,15 @@ from pathlib import Path
 
 import pytest
 
+import bromwich
+
 ROOT = Path(__file__).parents[2]
+
+
+def test_the_reference_has_every_name():
+    page = (ROOT / "docs" / "python-reference.md").read_text(encoding="utf-8")
+    listed = re.findall(r"^\.\. auto\w+:: (\w+)$", page, re.M)
+    assert sorted(listed) == sorted(set(bromwich.__all__) - {"__version__"})
 
 
 @pytest.mark.parametrize("name", ["README.md", "docs/python.md", "docs/output.md"])

@@ -75,9 +75,63 @@ def test_refused(diode, change, argument):
     assert isinstance(caught.value, ValueError)
 
 
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (dict(A=np.ma.masked_array([[-1.0]], mask=[[True]])), "A: has masked entries; fill them, as with .filled(0)"),
+        (dict(g=[[0.0, 1.0, 2.0], [0.0, -1.0, 0.0]]), "g: has 3 columns; give 1, or times of your own in a tuple, g=(times, values)"),
+        (dict(g="1/t"), "g: at t = 0 entry (0) is inf; make every entry finite"),
+    ],
+)
+def test_messages(diode, change, message):
+    with pytest.raises(bromwich.Error) as caught:
+        bromwich.solve(**{**diode, **change})
+    assert str(caught.value) == message
+
+
+def test_messages_of_results(diode, tmp_path):
+    """Of pictures, derivatives and files: the argument, what was found, and what to do."""
+    r = bromwich.solve(**diode, g="-sin(t)", steps=20)
+    pytest.importorskip("matplotlib").use("Agg")
+    texts = {"a.npz": "no archive", "b.csv": "t,y0\n1,x\n", "c.csv": "t,y0\n0,1,2\n"}
+    for name, text in texts.items():
+        (tmp_path / name).write_text(text)
+    for call, message in (
+        (lambda: r.plot("y", components=[1]), "components: found 1; give columns from 0 to 0"),
+        (lambda: r.derivative().jvp(x0=[1j]), "x0: is complex; give real values"),
+        (lambda: r.derivative().vjp(y="a"), "y: is an array of <U1; give numbers"),
+        (lambda: bromwich.load(tmp_path / "a.npz"), f"path: {str(tmp_path / 'a.npz')!r} holds no result"),
+        (lambda: bromwich.load(tmp_path / "b.csv"), f"path: {str(tmp_path / 'b.csv')!r}, line 2: could not convert"),
+        (lambda: bromwich.load(tmp_path / "c.csv"), f"path: {str(tmp_path / 'c.csv')!r}, line 2: has 3 values under 2 names"),
+    ):
+        with pytest.raises(bromwich.Error) as caught:
+            call()
+        assert str(caught.value).startswith(message)
+
+
+def test_an_operator_of_scipy_is_no_matrix(diode):
+    linalg = pytest.importorskip("scipy.sparse.linalg")
+    with pytest.raises(bromwich.Error, match=r"^A: is an operator; give a matrix, or bromwich.Dynamics"):
+        bromwich.solve(**{**diode, "A": linalg.aslinearoperator(-np.eye(1))})
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_functions_that_are_not_finite_end_the_solve_alone(diode, value):
+    """The status says so; nothing of how the function was examined is heard."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        r = bromwich.solve(**diode, g=lambda t: np.where(np.asarray(t) > 1, value, -1.0), check=False)
+    assert r.status == "nonfinite" and r.reason.startswith("g is not finite at t = 1.0")
+
+
 def test_misspelt_argument(diode):
     with pytest.raises(TypeError, match=r"'stepz' \(did you mean 'steps'\?\)"):
         bromwich.solve(**diode, stepz=100)
+    for solve in (bromwich.solve_batch, bromwich.solve_nonlinear):
+        with pytest.raises(TypeError, match=rf"^{solve.__name__}\(\) got .*'stepz' \(did you mean 'steps'\?\)"):
+            solve(**diode, stepz=100)
+    with pytest.raises(bromwich.Error, match=r"method: found 'newtn' \(did you mean 'newton'\?\); use auto, march, iteration"):
+        bromwich.solve_nonlinear(**diode, method="newtn")
     with pytest.raises(TypeError, match=r"'C' \(did you mean 'N'\?\)"):  # of Siconos
         bromwich.solve(A=-1, B=1, C=1, D=1, x0=0, T=1)
     with pytest.raises(bromwich.Error, match=r"'w', which is not defined; define it in parameters=\{...\}, or use"):

@@ -90,6 +90,24 @@ def test_rows_or_columns_over_time():
     same(rows, one)
 
 
+def test_a_constant_source_of_a_large_scene():
+    """A number, or one value a state: a column F for all of them, where each would need one of its own."""
+    sparse = pytest.importorskip("scipy.sparse")
+    m = 5000
+    A = sparse.diags_array([1.0, -2.0, 1.0], offsets=[-1, 0, 1], shape=(m, m), format="csc") * m
+    middle = np.eye(1, m, m // 2)
+    scene = dict(A=A, B=middle.T, N=middle, M=0.1, x0=0, T=1, steps=50, states=[0, m // 2])
+    expected = bromwich.solve(**scene, F=-np.ones((m, 1)), f=1.0)
+    assert expected.y.max() > 0.1
+    for f in (-1.0, -np.ones(m)):
+        r = bromwich.solve(**scene, f=f)
+        same(r, expected)
+        np.testing.assert_allclose(r.at(0.503).x, expected.at(0.503).x, atol=1e-12)
+    solver = bromwich.Solver(bromwich.Scene(**{k: v for k, v in scene.items() if k not in ("steps", "states")}), steps=50)
+    solver.set_sources(f=-np.ones(m))
+    same(solver.solve(), expected)
+
+
 def test_sources_of_the_states(diode):
     B = [[1.0]]
     direct = bromwich.solve(**diode, f=lambda t: [-np.cos(t)], steps=64)

@@ -1,5 +1,6 @@
 """Nonlinear systems: against SciPy with events, and what is said of bad input."""
 
+import subprocess
 import sys
 import warnings
 
@@ -131,10 +132,33 @@ def test_rows_at_other_times_and_switches():
     np.testing.assert_array_equal(rows.x[2], r.x[-1])
     near = bromwich.solve_nonlinear(**{**SCENE, "T": 1.2345}, phi=spring, steps=300)
     np.testing.assert_allclose(rows.x[1], near.x[-1], atol=1e-3)  # h^2 of both
-    switches = r.switches()
+    switches = r.switches
     assert [s.on for s in switches] == [True, False, True]
     with pytest.raises(bromwich.Error):
         r.at(7)
+
+
+def test_a_result_is_saved_and_drawn_like_a_linear_one(tmp_path):
+    names = {"x": ["q", "v"], "y": ["force"]}
+    r = bromwich.solve_nonlinear(**SCENE, phi=spring, steps=60, names=names, units={"t": "s", "y": "N"})
+    r.save(tmp_path / "r.npz")
+    again = bromwich.load(tmp_path / "r.npz")
+    for key in ("t", "y", "w", "x"):
+        np.testing.assert_array_equal(getattr(again, key), getattr(r, key))
+    assert again.ok and again.state_names == ["q", "v"] and again.attributes["method"] == "march"
+    assert r.constraint_names == ["force"] and r.units["y"] == "N"
+    assert r.seconds > 0 and r.steps == 60 and "solved by march, 60 steps" in repr(r)
+    part = r.at([0.1, 0.2])
+    part.save(tmp_path / "part.csv")
+    np.testing.assert_allclose(bromwich.load(tmp_path / "part.csv").x, part.x)
+    with pytest.raises(bromwich.Error, match=r"^t: found 7.0; give times from 0.0 to 6"):
+        r.at(7)
+    pytest.importorskip("matplotlib").use("Agg")
+    above, below = r.plot()
+    assert [line.get_label() for line in above.lines] == ["q", "v"] and below.get_ylabel() == "force [N]"
+    xarray = pytest.importorskip("xarray")
+    data = r.to_xarray()
+    assert isinstance(data, xarray.Dataset) and data["y"].attrs["units"] == "N" and data.sizes["t"] == 61
 
 
 FILE = """
@@ -155,6 +179,20 @@ phi = [0, "-k*x0^3"]
 T = 6
 steps = 200
 """
+
+
+def test_ctrl_c_while_arrays_are_handed_over():
+    """The exception of one argument of phi is not hidden by that of the next one. NumPy's copy stands for the place where
+    the signal arrives."""
+    code = """
+import numpy as np, bromwich
+def interrupted(*_):
+    raise KeyboardInterrupt("here")
+np.copy = interrupted
+bromwich.solve_nonlinear(A=-1, B=1, N=1, M=1, x0=1, T=1, phi=lambda t, x, y: -x**3, steps=10)
+"""
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert found.stderr.strip().endswith("KeyboardInterrupt: here"), found.stderr
 
 
 def test_files(tmp_path):

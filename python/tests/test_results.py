@@ -118,6 +118,10 @@ def test_plot(result, tmp_path, Q15):
     many = bromwich.solve(Q15, steps=40).plot("y")
     assert len(many.collections) == 1
     many.figure.savefig(tmp_path / "y.png")
+    jump = bromwich.solve(A=-1, B=1, N=1, M=0, g="-t", x0=-1, T=1, steps=20)
+    assert jump.starts_with_impulse
+    drawn = jump.plot("y").lines[0].get_ydata()
+    assert np.isnan(drawn[0]) and np.array_equal(drawn[1:], jump.y[1:, 0])
     with pytest.raises(bromwich.Error, match="what"):
         result.plot("z")
     plt.close("all")

@@ -27,6 +27,7 @@ TEST_F(Cli, RefusesBadInputInOneLine) {
       {"solve", {"SCENE", "bromwich scenes"}},
       {"solve signorni", {"SCENE", "signorni", "did you mean 'signorini'", "bridge"}},
       {"solve ./mine.toml", {"mine.toml"}},
+      {"solve signorini --steps", {"--steps: found no value; give one; see 'bromwich solve --help'"}},
       {"solve mine.TOML", {"mine.TOML"}},
       {"bench baselines mine.toml", {"mine.toml"}},
       {"solve --template signorini", {"--template", "alone"}},
@@ -72,6 +73,11 @@ TEST_F(Cli, RefusesBadInputInOneLine) {
     const Outcome result = refused(bad.arguments);
     for (const std::string& word : bad.mentions) EXPECT_TRUE(contains(result.err, word)) << word << "\n" << result.err;
   }
+}
+
+TEST_F(Cli, SuggestsAFileWithoutItsExtension) {
+  ASSERT_EQ(run("solve --template > rc.toml").exit_code, 0);
+  EXPECT_TRUE(contains(refused("solve rc").err, "did you mean 'rc.toml'"));
 }
 
 TEST_F(Cli, RefusesBadOptionValues) {

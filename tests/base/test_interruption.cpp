@@ -1,5 +1,6 @@
 // A request to stop takes effect while sources are sampled, before the first step.
 
+#include "core/base/interruption.hpp"
 #include "core/catalogue/catalogue.hpp"
 #include "core/solve/solve.hpp"
 #include "cpu/cpu_backend.hpp"
@@ -7,6 +8,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <functional>
 
 namespace bromwich {
 namespace {
@@ -64,6 +66,21 @@ TEST(Interruption, EndsTheResponsesOfPieces) {
 }
 
 // 1e8 radians a step: method galerkin halves its intervals to the last.
+// Groups of eight nodes: the user is asked before each of them.
+TEST(Interruption, EndsTheShiftedSolvesOfSparseDynamics) {
+  const Dynamics dynamics = to_sparse(*make_scene("signorini", {{"Q", 7}}).dynamics->modes());
+  const ComplexVector nodes = ComplexVector::LinSpaced(64, 1, 64);
+  const auto backend = make_cpu_backend(1);
+  int asked = 0;
+  const std::function<bool()> later = [&asked] { return ++asked == 2; };
+  {
+    const InterruptedBy user(later);
+    EXPECT_THROW(dynamics->shifted_solves(nodes, *backend), Interrupted);
+  }
+  EXPECT_EQ(asked, 2);
+  EXPECT_EQ(dynamics->shifted_solves(nodes, *backend).rows(), 64);
+}
+
 TEST(Interruption, EndsTheSplittingOfIntervals) {
   const auto backend = make_cpu_backend(1);
   long calls = 0;

@@ -126,6 +126,33 @@ TEST(SolveNonlinear, RowsBetweenTheTimePoints) {
   EXPECT_THROW(nonlinear_at(s, *backend, r, {7}), Error);
 }
 
+// y of a diode bends where it begins to conduct, inside a step. A line through the rows errs there by h times its
+// slope, and w and y of it are both positive.
+TEST(SolveNonlinear, RowsBetweenTheTimePointsFollowSwitches) {
+  NonlinearScene s;
+  s.linear.dynamics = DenseDynamics{Matrix{{-1}}, Matrix{{2}}, Matrix{{1}}};
+  s.linear.M = Matrix{{0.5}};
+  s.linear.g = [](double t, Eigen::Ref<Vector> v) { v[0] = -5 * std::sin(2 * t); };
+  s.linear.x0 = Vector{{0}};
+  s.linear.T = 4;
+  s.phi = [](double, In x, In, Eigen::Ref<Vector> v) { v[0] = -0.1 * x[0] * x[0] * x[0]; };
+  const auto backend = make_cpu_backend();
+  constexpr Index J = 40, finer = 64;
+  for (const NonlinearMethod m : {NonlinearMethod::march, NonlinearMethod::iteration}) {
+    const NonlinearResult r = solved(s, m, J), fine = solved(s, m, J * finer);
+    std::vector<double> times;
+    double of_rows = 0;
+    for (Index k = 0; k <= J * finer; ++k) {
+      times.push_back(fine.t[k]);
+      if (k % finer == 0) of_rows = std::max(of_rows, std::abs(r.y(k / finer, 0) - fine.y(k, 0)));
+    }
+    const NonlinearResult rows = nonlinear_at(s, *backend, r, times);
+    // The step from the row before is a step of the method: its own error is no larger than that of the rows.
+    EXPECT_LE((rows.y - fine.y).cwiseAbs().maxCoeff(), 2 * of_rows) << to_string(m);
+    EXPECT_LE(rows.y.cwiseMin(rows.w).cwiseAbs().maxCoeff(), 1e-10) << to_string(m);
+  }
+}
+
 // Where y jumps, a step of the length that is left is solved: x = tan(pi/4 - t), then 0.
 TEST(SolveNonlinear, RowsBetweenTheTimePointsWhereYJumps) {
   NonlinearScene s;

@@ -107,11 +107,15 @@ TEST(Page, StatusesHaveTheirWords) {
 
 TEST(Page, ImpulsesAtTheStartAreLeftOut) {
   Report report = sample();
-  report.table.quantities[0].values(0, 0) = 1e9;
-  EXPECT_TRUE(contains(curves_part(report), "1e9"));
-  report.summary["starts_with_impulse"] = true;
-  EXPECT_FALSE(contains(curves_part(report), "1e9"));
-  EXPECT_TRUE(contains(curves_part(report), "impulse"));
+  for (const char* symbol : {"y", "w"}) {
+    report.table.quantities[0].symbol = symbol;
+    report.table.quantities[0].values(0, 0) = 1e9;
+    report.summary["starts_with_impulse"] = false;
+    EXPECT_TRUE(contains(curves_part(report), "1e9")) << symbol;
+    report.summary["starts_with_impulse"] = true;
+    EXPECT_FALSE(contains(curves_part(report), "1e9")) << symbol;
+    EXPECT_TRUE(contains(curves_part(report), "impulse")) << symbol;
+  }
 }
 
 TEST(ActiveTimes, AreRunsOfPositiveRows) {

@@ -1,6 +1,7 @@
 // A result between its time points: against the same function y on a finer grid, and against exact solutions.
 
 #include "core/base/error.hpp"
+#include "core/base/interruption.hpp"
 #include "core/catalogue/catalogue.hpp"
 #include "core/result/slack.hpp"
 #include "core/solve/dense_output.hpp"
@@ -11,6 +12,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 
 namespace bromwich {
 namespace {
@@ -52,6 +54,24 @@ TEST(DenseOutput, IsTheStateOfPiecewiseLinearY) {
   EXPECT_LE(distance(between.x, RowMatrix(known.transpose())), same_problem);
   for (std::size_t k = 0; k < steps.size(); ++k)
     EXPECT_LE(distance(between.y.row(Index(k)), (result.y.row(steps[k]) + result.y.row(steps[k] + 1)) / 2), 1e-15);
+}
+
+// Whether each step is solved again (the bridge) or where y may jump (M = 0).
+TEST(DenseOutput, CanBeInterrupted) {
+  const auto backend = make_cpu_backend(1);
+  Scene jumps;  // x falls to 0 and stays there
+  jumps.dynamics = DenseDynamics{Matrix{{0}}, Matrix{{1}}, Matrix{{1}}};
+  jumps.M = Matrix{{0}};
+  jumps.f = [](double, Eigen::Ref<Vector> f) { f[0] = -1; };
+  jumps.x0 = Vector{{1}};
+  jumps.T = 2;
+  for (const Scene& scene : {make_scene("bridge"), jumps}) {
+    const Result result = solve(scene, *backend, with_states(20));
+    ASSERT_EQ(result.status, Status::solved) << result.reason;
+    const std::function<bool()> at_once = [] { return true; };
+    const InterruptedBy user(at_once);
+    EXPECT_THROW(at_times(scene, *backend, result, {0.31 * scene.T, 0.77 * scene.T}), Interrupted);
+  }
 }
 
 TEST(DenseOutput, AtTimePointsIsTheResult) {

@@ -120,6 +120,36 @@ TEST(Fields, SweepsThatContractAreTaken) {
   EXPECT_LE((swept.y - march.y).cwiseAbs().maxCoeff(), 1e-9 * march.y.maxCoeff());
 }
 
+// f per state as shapes times functions of time: the shapes are columns F. One column for each of 5000 states is
+// refused.
+TEST(Fields, ShapesOfASourceOfTheStatesAreColumns) {
+  constexpr Index m = 5000;
+  SparseDynamics d;
+  d.A.resize(m, m), d.B.resize(m, 1), d.N.resize(1, m);
+  for (Index i = 0; i < m; ++i) d.A.insert(i, i) = -1 - double(i % 7);
+  d.B.insert(0, 0) = d.N.insert(0, 0) = 1;
+  Scene scene;
+  scene.dynamics = d;
+  scene.M = Matrix{{1}};
+  scene.x0 = Vector::Zero(m);
+  scene.T = 2;
+  const TimeFunction wave = [](double t, Eigen::Ref<Vector> a) { a[0] = -std::sin(3 * t); };
+  Scene by_columns = scene;
+  by_columns.F = Matrix::Ones(m, 1).sparseView();
+  by_columns.f = wave;
+  by_columns.f_entry = SourceEntry::through_F;
+  scene.f = SeparableSource{Matrix::Ones(m, 1), wave};
+  const auto backend = make_cpu_backend();
+  const Options options{.steps = 50};
+  const Result found = solve(scene, *backend, options), expected = solve(by_columns, *backend, options);
+  ASSERT_EQ(found.status, Status::solved) << found.reason;
+  EXPECT_GT(expected.y.maxCoeff(), 0.1);
+  EXPECT_EQ(found.y, expected.y);
+  EXPECT_NE(part_of(scene, 0.5, 1, scene.x0).f.separable(), nullptr);
+  scene.f = [](double t, Eigen::Ref<Vector> f) { f.setConstant(-std::sin(3 * t)); };
+  EXPECT_THROW(solve(scene, *backend, options), Error);
+}
+
 TEST(Fields, ASingularMassIsNamedByEveryMethod) {
   const Index node = 5 * Q + 7;
   SparseDynamics rank = heated_square();

@@ -30,7 +30,7 @@ inline std::vector<BackendCase> backend_cases() {
   std::vector<BackendCase> cases{{"cpu1", [] { return make_cpu_backend(1); }},
                                  {"cpu2", [] { return make_cpu_backend(2); }},
                                  {"cpu7", [] { return make_cpu_backend(7); }},
-                                 {"reference", make_reference_backend}};
+                                 {"reference", [] { return make_reference_backend(); }}};
   if (!cuda_devices().empty()) cases.push_back({"cuda", [] { return make_cuda_backend(make_cpu_backend(2)); }});
   return cases;
 }

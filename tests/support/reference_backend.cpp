@@ -317,7 +317,7 @@ class NaiveDifferences final : public Differences {
 
 class ReferenceBackend final : public Backend, public SharedMemory {
  public:
-  ReferenceBackend() : Backend("reference") {
+  explicit ReferenceBackend(const BackendTraits& traits) : Backend("reference", traits) {
     fused_.face_transform = [](const FaceBasis& basis, Index, Way way) {
       return std::make_unique<NaiveTransform>(basis, way);
     };
@@ -377,6 +377,8 @@ class ReferenceBackend final : public Backend, public SharedMemory {
 }  // namespace
 }  // namespace naive
 
-std::unique_ptr<Backend> make_reference_backend() { return std::make_unique<naive::ReferenceBackend>(); }
+std::unique_ptr<Backend> make_reference_backend(const BackendTraits& traits) {
+  return std::make_unique<naive::ReferenceBackend>(traits);
+}
 
 }  // namespace bromwich

@@ -13,6 +13,7 @@
 
 namespace bromwich {
 
-std::unique_ptr<Backend> make_reference_backend();
+/// `traits`: what it says of its costs.
+std::unique_ptr<Backend> make_reference_backend(const BackendTraits& traits = {});
 
 }  // namespace bromwich

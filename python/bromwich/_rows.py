@@ -1,0 +1,130 @@
+"""What all results have in common: rows over time with names and units, as pictures, datasets and files."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ._arrays import on_host
+from ._errors import Error
+
+if TYPE_CHECKING:
+    import xarray
+    from matplotlib.axes import Axes
+
+    from ._result import Status
+    from ._scene import Scene
+
+
+class Rows:
+    """Rows of ``t``, ``y``, ``w`` and ``x``. Derived classes have these arrays, the scene and the status."""
+
+    if TYPE_CHECKING:
+
+        @property
+        def scene(self) -> Scene: ...
+        @property
+        def status(self) -> Status: ...
+        @property
+        def t(self) -> np.ndarray: ...
+        @property
+        def y(self) -> np.ndarray: ...
+        @property
+        def w(self) -> np.ndarray | None: ...
+        @property
+        def x(self) -> np.ndarray: ...
+        @property
+        def x_components(self) -> list[int]: ...
+        @property
+        def continuous(self) -> bool: ...
+
+    @property
+    def ok(self) -> bool:
+        """Whether the status is ``solved``."""
+        return self.status == "solved"
+
+    @property
+    def constraint_names(self) -> list[str]:
+        """Of the columns of ``y`` and ``w``, where the scene gives them; otherwise empty."""
+        return self.scene.names["y"]
+
+    @property
+    def state_names(self) -> list[str]:
+        """Of the columns of ``x``, likewise."""
+        names = self.scene.names["x"]
+        return [names[i] for i in self.x_components] if names else []
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Of ``t``, ``y``, ``w`` and ``x``, where the scene gives one for all components; otherwise an empty text."""
+        found = self.scene.units
+        return {key: found[key][0] if len(set(found[key])) == 1 else "" for key in ("t", "y", "w", "x")}
+
+    def plot(self, what: str = "auto", *, components: Iterable[int] | None = None, ax: Axes | None = None) -> Any:
+        """Draws y, x or w over time with matplotlib; many components as a picture over time.
+
+        Args:
+            what: ``"y"``, ``"x"``, ``"w"``, or ``"auto"``: x above y where x was recorded, otherwise y.
+            components: columns to draw; None: all.
+            ax: axes to draw into; None: new ones.
+
+        Returns:
+            The axes; an array of two, of x and of y, where both are drawn.
+        """
+        from ._plot import plot
+
+        return plot(self, what, components, ax)
+
+    def to_xarray(self) -> xarray.Dataset:
+        """A dataset with dimensions ``t``, ``constraint`` and ``state``, names and units; the rest as attributes."""
+        import xarray
+
+        constraint = np.arange(self.y.shape[1])
+        variables = {"y": (("t", "constraint"), self.y)}
+        if self.w is not None:
+            variables["w"] = (("t", "constraint"), self.w)
+        if self.x.shape[1] > 0:
+            variables["x"] = (("t", "state"), self.x)
+        coordinates = {"t": self.t, "constraint": constraint, "state": np.array(self.x_components, dtype=int)}
+        for dimension, names in (("constraint", self.constraint_names), ("state", self.state_names)):
+            if names and len(names) == len(coordinates[dimension]):
+                coordinates[f"{dimension}_name"] = (dimension, names)
+        dataset = xarray.Dataset(variables, coordinates, attrs=self._attributes())
+        for key, unit in self.units.items():
+            if unit and key in dataset:
+                dataset[key].attrs["units"] = unit
+        return dataset
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Writes the rows up to the last valid one in the layout of the command (``docs/output.md``).
+
+        Args:
+            path: ends in ``.h5`` (HDF5, needs h5py; ``xarray.open_dataset(path, engine="h5netcdf")`` opens it), in
+                ``.npz`` (NumPy) or in ``.csv`` (t, y and x). :func:`bromwich.load` reads all of them.
+
+        Raises:
+            Error: for another extension, or without h5py.
+        """
+        from ._io import save
+
+        save(self, path)
+
+    def _times(self, t: Any) -> list[float]:
+        """The times that ``at`` is given, checked."""
+        times = np.atleast_1d(on_host(t, "t")).ravel()
+        first, last = self._span()
+        for time in times[~((times >= first) & (times <= last * (1 + np.finfo(float).eps)))][:1].tolist():
+            raise Error(f"t: found {time!r}; give times from {first!r} to {last!r}", "t")
+        return times.tolist()
+
+    def _span(self) -> tuple[float, float]:
+        """The first and the last time for which ``at`` has values."""
+        return 0.0, self.scene.T
+
+    def _attributes(self) -> dict[str, Any]:
+        from ._io import attributes
+
+        return attributes(self)
