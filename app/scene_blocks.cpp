@@ -78,25 +78,17 @@ template <class Archive, class Block>
 void each_member(Archive&& archive, Block& block) {
   archive(block.first);
   archive(block.count);
-  archive(block.read);
-  archive(block.refused);
-  auto& r = block.result;
-  archive(r.scenes);
-  archive(r.t);
-  archive(r.status);
-  archive(r.reason);
-  archive(r.warning);
-  archive(r.method);
-  archive(r.infeasible_at);
-  archive(r.residual);
-  archive(r.y);
-  archive(r.w);
-  archive(r.x);
-  archive(r.x_components);
-  archive(r.in_lanes);
-  archive(r.prepared);
-  archive(r.seconds);
-  archive(r.bytes);
+  archive(block.status);
+  archive(block.reason);
+  archive(block.warning);
+  archive(block.rows);
+  archive(block.residual);
+  archive(block.y);
+  archive(block.w);
+  archive(block.x);
+  archive(block.in_lanes);
+  archive(block.seconds_read);
+  archive(block.seconds);
 }
 
 std::string text_of(const fs::path& path) {

@@ -2,7 +2,7 @@
 // Blocks of scenes of a sweep, and a folder of those that are solved: ranks deal out the blocks, and a run that was
 // ended goes on with the others.
 
-#include "core/batch/batch.hpp"
+#include "core/base/types.hpp"
 
 #include <filesystem>
 #include <string>
@@ -10,12 +10,15 @@
 
 namespace bromwich::app {
 
-/// The scenes that are solved together, and what could not be read.
+/// Scenes that are solved together, in the form in which the file of results takes them.
 struct SceneBlock {
   Index first = 0, count = 0;
-  std::vector<Index> read;           ///< scenes of the file with a place in `result`, in order
-  std::vector<std::string> refused;  ///< one per scene; empty if it was read
-  BatchResult result;
+  std::vector<std::string> status, reason, warning;  ///< one per scene
+  std::string rows;                                  ///< of a CSV file
+  Vector residual;    ///< of an HDF5 file: one per scene, NaN where there is none; likewise
+  RowMatrix y, w, x;  ///< with the rows of each
+  Index in_lanes = 0;
+  double seconds_read = 0, seconds = 0;  ///< of the scenes, and of their solve
 };
 
 /// One file for each block, which is there as a whole or not at all.

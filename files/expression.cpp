@@ -107,33 +107,42 @@ bool contains(const std::vector<std::string>& words, const std::string& word) {
   return std::find(words.begin(), words.end(), word) != words.end();
 }
 
-void check_names(const std::string& text, const ParameterValues& parameters, const Definitions& definitions,
-                 bool time_allowed, const std::string& where,
-                 const std::map<std::string, std::size_t>& variables = {}) {
-  static const auto functions = expression_functions();
+/// Whether an expression of the file may use the name, beside functions and variables.
+bool known_in_file(const std::string& name, const Meanings& meanings, bool time_allowed) {
+  return name == "pi" || (time_allowed && name == "t") || meanings.has(name);
+}
+
+std::vector<std::string> known_names(const Meanings& meanings, bool time_allowed,
+                                     const std::map<std::string, std::size_t>& variables) {
   std::vector<std::string> known{"pi"};
   if (time_allowed) known.emplace_back("t");
-  for (const auto& [name, value] : parameters) known.push_back(name);
-  for (const auto& [name, meaning] : definitions) known.push_back(name);
-  const std::size_t in_file = known.size();
+  for (const auto& [name, value] : meanings.parameters) known.push_back(name);
+  for (const auto& [name, meaning] : meanings.definitions) known.push_back(name);
   for (const auto& [name, number] : variables) known.push_back(name);
-  for (const auto& [name, begin, called] : names_in(text)) {
-    if (!contains(known, name)) check_spelling(text, name, where);
-    if (called && !contains(functions, name))
-      throw Error(where, in_quotes(text) + fmt::format(" calls '{}'", name) + suggestion(name, functions),
-                  contains(known, name) ? "write * to multiply" : "use one of the functions " + join(functions));
-    if (!called && variables.contains(name) && std::count(known.begin(), known.begin() + long(in_file), name) > 0)
-      throw Error(where, in_quotes(text) + fmt::format(" uses '{}', a component and a name of the file", name),
-                  "give one of the two another name");
-    if (called || contains(known, name)) continue;
-    if (contains(functions, name))
-      throw Error(where, in_quotes(text) + fmt::format(" uses the function '{}' without arguments", name),
-                  fmt::format("write {}(...)", name));
-    if (name == "t") throw Error(where, in_quotes(text) + " depends on the time t", time_remedy);
-    throw Error(where,
-                in_quotes(text) + fmt::format(" uses '{}', which is not defined", name) + suggestion(name, known),
-                "define it in [parameters], before its first use, or use one of " + join(known));
-  }
+  return known;
+}
+
+/// Throws Error for a name that has no meaning at its place.
+void check_name(const Name& found, const std::string& text, const Meanings& meanings, bool time_allowed,
+                const std::string& where, const std::map<std::string, std::size_t>& variables) {
+  static const auto functions = expression_functions();
+  const auto& [name, begin, called] = found;
+  const bool in_file = known_in_file(name, meanings, time_allowed), variable = variables.contains(name);
+  if (!in_file && !variable) check_spelling(text, name, where);
+  if (called && !contains(functions, name))
+    throw Error(where, in_quotes(text) + fmt::format(" calls '{}'", name) + suggestion(name, functions),
+                in_file || variable ? "write * to multiply" : "use one of the functions " + join(functions));
+  if (!called && variable && in_file)
+    throw Error(where, in_quotes(text) + fmt::format(" uses '{}', a component and a name of the file", name),
+                "give one of the two another name");
+  if (called || in_file || variable) return;
+  if (contains(functions, name))
+    throw Error(where, in_quotes(text) + fmt::format(" uses the function '{}' without arguments", name),
+                fmt::format("write {}(...)", name));
+  if (name == "t") throw Error(where, in_quotes(text) + " depends on the time t", time_remedy);
+  const auto known = known_names(meanings, time_allowed, variables);
+  throw Error(where, in_quotes(text) + fmt::format(" uses '{}', which is not defined", name) + suggestion(name, known),
+              "define it in [parameters], before its first use, or use one of " + join(known));
 }
 
 /// Result of `use` of a parser; exceptions of muParser become an Error about the text.
@@ -246,53 +255,76 @@ class TimeVector {
 
 }  // namespace
 
+/// A parser for one use after the other: parameters are constants of it.
 struct Expressions::Implementation {
-  ParameterValues parameters;
-  Definitions definitions;                      ///< spelled out
-  mutable mu::Parser parser = make_parser({});  ///< of constants
+  Meanings meanings;
+  KeptValues kept{meanings};
+  double t = 0;
+  mu::Parser parser = make_parser({}), parser_in_time = make_parser({});
+
+  Implementation() { parser_in_time.DefineVar("t", &t); }
+  Implementation(const Implementation&) = delete;
+  Implementation& operator=(const Implementation&) = delete;
+
+  /// Throws Error for what is no expression by its signs and names, and notes what it uses.
+  void check(const std::string& text, bool time_allowed, const std::string& where,
+             const std::map<std::string, std::size_t>& variables = {}) {
+    check_signs(text, where);
+    for (const Name& name : names_in(text)) {
+      check_name(name, text, meanings, time_allowed, where, variables);
+      if (!name.called && meanings.has(name.text)) kept.use(name.text);
+    }
+  }
 };
 
 Expressions::Expressions() : implementation_(std::make_unique<Implementation>()) {}
 Expressions::~Expressions() = default;
 
-const ParameterValues& Expressions::parameters() const { return implementation_->parameters; }
-
-bool Expressions::has(const std::string& name) const {
-  return implementation_->parameters.contains(name) || implementation_->definitions.contains(name);
+void Expressions::begin_scene() {
+  implementation_->meanings = {};
+  for (mu::Parser* parser : {&implementation_->parser, &implementation_->parser_in_time}) {
+    parser->ClearConst();
+    parser->DefineConst("pi", std::numbers::pi);
+  }
 }
 
+KeptValues& Expressions::kept() const { return implementation_->kept; }
+const ParameterValues& Expressions::parameters() const { return implementation_->meanings.parameters; }
+bool Expressions::has(const std::string& name) const { return implementation_->meanings.has(name); }
+
 void Expressions::require_new(const std::string& name, const std::string& where) const {
+  static const auto functions = expression_functions();
   if (!is_name(name))
     throw Error(where, fmt::format("'{}' cannot be used in expressions", one_line(name)),
                 "write a name of letters, digits and _ that does not begin with a digit");
-  if (name == "t" || name == "pi" || contains(expression_functions(), name))
+  if (name == "t" || name == "pi" || contains(functions, name))
     throw Error(where, fmt::format("'{}' already has a meaning in expressions", name), "choose another name");
   if (has(name)) throw Error(where, fmt::format("'{}' is defined twice", name), "define it once");
 }
 
 void Expressions::define(const std::string& name, double value, const std::string& where) {
   require_new(name, where);
-  implementation_->parameters.emplace(name, value);
+  implementation_->meanings.parameters.emplace(name, value);
   guarded(name, where, [&] {
     implementation_->parser.DefineConst(name, value);
+    implementation_->parser_in_time.DefineConst(name, value);
     return 0;
   });
 }
 
 void Expressions::define_in_time(const std::string& name, const std::string& text, const std::string& where) {
   require_new(name, where);
-  implementation_->definitions.emplace(name, in_full(text, where));
+  implementation_->meanings.definitions.emplace(name, in_full(text, where));
 }
 
 double Expressions::evaluated(const std::string& text, const std::string& where) const {
   const double value = parsed(text) ? evaluate(implementation_->parser, text, where)
-                                    : read_formula(text, implementation_->parameters, where)(0);
+                                    : read_formula(text, parameters(), where)(0);
   return finite(value, text, where);
 }
 
 double Expressions::number(const std::string& text, const std::string& where) const {
-  check_signs(text, where);
-  check_names(text, implementation_->parameters, implementation_->definitions, false, where);
+  implementation_->check(text, false, where);
   const std::string meaning = spelled(text, where);
   if (uses_time(meaning)) throw Error(where, in_quotes(text) + " depends on the time t", time_remedy);
   return evaluated(meaning, where);
@@ -305,24 +337,18 @@ std::string Expressions::spelled(const std::string& text, const std::string& whe
                   "use t in the first argument of pulse and pwl only, and in the width of pulse(t, period, width)");
     return evaluated(part, where);
   };
-  return spelled_out(text, implementation_->definitions, constant, where);
+  return spelled_out(text, implementation_->meanings.definitions, constant, where);
 }
 
 std::string Expressions::in_full(const std::string& text, const std::string& where) const {
-  check_signs(text, where);
-  check_names(text, implementation_->parameters, implementation_->definitions, true, where);
+  implementation_->check(text, true, where);
   std::string meaning = spelled(text, where);
   if (!uses_time(meaning)) {
     evaluated(meaning, where);
   } else if (!parsed(meaning)) {
-    read_formula(meaning, implementation_->parameters, where);
+    read_formula(meaning, parameters(), where);
   } else {
-    double t = 0;
-    mu::Parser parser = implementation_->parser;
-    guarded(text, where, [&] {
-      parser.DefineVar("t", &t);
-      return 0;
-    });
+    mu::Parser& parser = implementation_->parser_in_time;
     evaluate(parser, meaning, where);
     evaluate(parser, "(" + meaning + ")", where);  // as it will be used
   }
@@ -331,16 +357,15 @@ std::string Expressions::in_full(const std::string& text, const std::string& whe
 
 Formula Expressions::formula(const std::string& text, const std::map<std::string, std::size_t>& variables,
                              const std::string& where) const {
-  check_signs(text, where);
-  check_names(text, implementation_->parameters, implementation_->definitions, true, where, variables);
-  return read_formula(spelled(text, where), implementation_->parameters, where, variables);
+  implementation_->check(text, true, where, variables);
+  return read_formula(spelled(text, where), parameters(), where, variables);
 }
 
 TimeFunction Expressions::in_time(const std::vector<std::string>& texts) const {
   Vector constants = Vector::Zero(Index(texts.size()));
   for (std::size_t i = 0; i < texts.size(); ++i)
     if (!uses_time(texts[i])) constants[Index(i)] = evaluated(texts[i], "expression");
-  auto function = std::make_shared<TimeVector>(std::move(constants), implementation_->parameters);
+  auto function = std::make_shared<TimeVector>(std::move(constants), parameters());
   for (std::size_t i = 0; i < texts.size(); ++i)
     if (uses_time(texts[i])) function->add(Index(i), texts[i]);
   return [function](double t, Eigen::Ref<Vector> value) { (*function)(t, value); };
@@ -365,7 +390,7 @@ SwitchTimes Expressions::switch_times(const std::vector<std::string>& texts, dou
 /// The formula of a text, if it has the same values as in muParser.
 std::optional<Formula> Expressions::understood(const std::string& text, double T) const {
   try {
-    Formula formula = read_formula(text, implementation_->parameters, "expression");
+    Formula formula = read_formula(text, parameters(), "expression");
     if (!formula.switches) return formula;
     const TimeFunction function = in_time({text});
     for (const double part : {0.0379, 0.2113, 0.4567, 0.7071, 0.9341}) {

@@ -9,6 +9,7 @@
 #include "core/base/types.hpp"
 #include "core/catalogue/catalogue.hpp"
 #include "files/formula.hpp"
+#include "files/kept_values.hpp"
 #include "files/switch_times.hpp"
 
 #include <map>
@@ -29,6 +30,11 @@ class Expressions {
   ~Expressions();
   Expressions(const Expressions&) = delete;
   Expressions& operator=(const Expressions&) = delete;
+
+  /// Forgets parameters and definitions, which another scene of the file may define otherwise.
+  void begin_scene();
+  /// Values that are made from expressions; those of one scene serve the next.
+  KeptValues& kept() const;
 
   /// Throws if `name` is not an identifier, is t, pi or a function, or is already defined.
   void define(const std::string& name, double value, const std::string& where);
