@@ -32,6 +32,7 @@
 #include <iterator>
 #include <map>
 #include <optional>
+#include <set>
 #include <sstream>
 #include <utility>
 #include <vector>
@@ -231,17 +232,19 @@ class SweepRun {
     block.reason.resize(std::size_t(count)), block.warning.resize(std::size_t(count));
     Timer timer;
     std::vector<Scene> scenes;
+    std::set<Index> sources;
     std::vector<Index> places(std::size_t(count), -1);
     for (Index i = 0; i < count; ++i) try {
         if (interrupted()) throw Error("scene", "was not read", "stopped on request");
         scenes.push_back(read(first_ + i).scene);
+        sources.insert(source_.sources());
         places[std::size_t(i)] = Index(scenes.size()) - 1;
       } catch (const Error& error) {
         block.reason[std::size_t(i)] = one_line(error.what());
       }
     block.seconds_read = timer.lap();
     BatchResult result;
-    if (!scenes.empty()) result = solved(std::move(scenes), places);
+    if (!scenes.empty()) result = solved(std::move(scenes), places, sources.size() == 1);
     for (Index i = 0; i < count; ++i) {
       const std::size_t to = std::size_t(i);
       if (places[to] < 0) continue;
@@ -253,13 +256,13 @@ class SweepRun {
     block.in_lanes = result.in_lanes;
     block.seconds = result.seconds;
     if (by_hdf5())
-      keep_arrays(block, std::move(result), places);
+      keep_arrays(block, std::move(result), places, {steps_ + 1, choice_.scene.constraints(), Index(states_.size())});
     else if (!arguments_.out.empty())
       block.rows = table_->rows(block, result, places, *backend_);
     return block;
   }
 
-  BatchResult solved(std::vector<Scene> scenes, const std::vector<Index>& places) {
+  BatchResult solved(std::vector<Scene> scenes, const std::vector<Index>& places, bool same_sources) {
     for (std::size_t i = 0; i < places.size(); ++i) {
       if (places[i] < 0) continue;
       const Scene& scene = scenes[std::size_t(places[i])];
@@ -273,28 +276,8 @@ class SweepRun {
     for (Scene& scene : scenes) scene.default_steps = choice_.scene.default_steps;
     Batch batch = batch_of(std::move(scenes));
     batch.times = times_;
+    batch.same_sources = same_sources;
     return solve_batch(batch, *backend_, options_, beside_);
-  }
-
-  // NaN for scenes that were not read.
-  void keep_arrays(SceneBlock& block, BatchResult result, const std::vector<Index>& places) const {
-    if (result.scenes == block.count) {
-      block.residual = std::move(result.residual);
-      block.y = std::move(result.y), block.w = std::move(result.w), block.x = std::move(result.x);
-      return;
-    }
-    const Index rows = steps_ + 1, all = block.count * rows;
-    block.residual = Vector::Constant(block.count, NAN);
-    block.y = RowMatrix::Constant(all, choice_.scene.constraints(), NAN), block.w = block.y;
-    block.x = RowMatrix::Constant(all, Index(states_.size()), NAN);
-    for (std::size_t i = 0; i < places.size(); ++i) {
-      if (places[i] < 0) continue;
-      const Index to = Index(i) * rows;
-      block.residual[Index(i)] = result.residual[places[i]];
-      block.y.middleRows(to, rows) = result.of(result.y, places[i]);
-      block.w.middleRows(to, rows) = result.of(result.w, places[i]);
-      if (!states_.empty()) block.x.middleRows(to, rows) = result.of(result.x, places[i]);
-    }
   }
 
   // ---- Files.

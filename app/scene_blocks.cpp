@@ -6,6 +6,7 @@
 
 #include <unistd.h>
 
+#include <cmath>
 #include <fstream>
 #include <functional>
 #include <sstream>
@@ -116,6 +117,26 @@ void write_whole(const fs::path& path, const std::function<void(std::ostream&)>&
 }
 
 }  // namespace
+
+void keep_arrays(SceneBlock& block, BatchResult result, const std::vector<Index>& places, ArraySizes sizes) {
+  if (result.scenes == block.count) {
+    block.residual = std::move(result.residual);
+    block.y = std::move(result.y), block.w = std::move(result.w), block.x = std::move(result.x);
+    return;
+  }
+  const Index rows = sizes.rows, all = block.count * rows;
+  block.residual = Vector::Constant(block.count, NAN);
+  block.y = RowMatrix::Constant(all, sizes.constraints, NAN), block.w = block.y;
+  block.x = RowMatrix::Constant(all, sizes.states, NAN);
+  for (std::size_t i = 0; i < places.size(); ++i) {
+    if (places[i] < 0) continue;
+    const Index to = Index(i) * rows;
+    block.residual[Index(i)] = result.residual[places[i]];
+    block.y.middleRows(to, rows) = result.of(result.y, places[i]);
+    block.w.middleRows(to, rows) = result.of(result.w, places[i]);
+    if (sizes.states > 0) block.x.middleRows(to, rows) = result.of(result.x, places[i]);
+  }
+}
 
 BlockFolder::BlockFolder(fs::path folder, std::string sweep) : folder_(std::move(folder)), sweep_(std::move(sweep)) {}
 

@@ -2,7 +2,7 @@
 // Blocks of scenes of a sweep, and a folder of those that are solved: ranks deal out the blocks, and a run that was
 // ended goes on with the others.
 
-#include "core/base/types.hpp"
+#include "core/batch/batch.hpp"
 
 #include <filesystem>
 #include <string>
@@ -20,6 +20,12 @@ struct SceneBlock {
   Index in_lanes = 0;
   double seconds_read = 0, seconds = 0;  ///< of the scenes, and of their solve
 };
+
+struct ArraySizes {
+  Index rows, constraints, states;  ///< of one scene
+};
+/// The arrays of a block. `places`: of its scenes in the result; -1 for one without, whose values are NaN.
+void keep_arrays(SceneBlock&, BatchResult, const std::vector<Index>& places, ArraySizes);
 
 /// One file for each block, which is there as a whole or not at all.
 class BlockFolder {

@@ -90,6 +90,8 @@ SceneChoice SceneSource::choice(const ParameterValues& settings, bool nonlinear)
           read.system ? std::make_shared<const NonlinearScene>(std::move(*read.system)) : nullptr};
 }
 
+Index SceneSource::sources() const { return file_ ? file_->sources() : 0; }
+
 SceneChoice SceneSource::initial_value_scene(const ParameterValues& settings) {
   SceneChoice choice = with(settings);
   if (choice.scene.boundary)

@@ -42,6 +42,8 @@ class SceneSource {
   SceneChoice scene_or_system(const ParameterValues& settings) { return choice(settings, true); }
   /// As choose_initial_value_scene.
   SceneChoice initial_value_scene(const ParameterValues& settings);
+  /// As SceneReader::sources; 0 for a built-in scene.
+  Index sources() const;
 
  private:
   SceneChoice choice(const ParameterValues& settings, bool nonlinear);

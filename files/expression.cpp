@@ -17,6 +17,7 @@
 #include <numbers>
 #include <set>
 #include <string_view>
+#include <unordered_map>
 
 namespace bromwich {
 
@@ -87,13 +88,17 @@ constexpr std::array<Named<Variadic>, 2> variadic{{
 
 /// A parser with only the functions and constants above, without muParser's own.
 mu::Parser make_parser(const ParameterValues& parameters) {
-  mu::Parser parser;
-  parser.ClearFun();
-  parser.ClearConst();
-  for (const auto& [name, function] : unary) parser.DefineFun(name, function);
-  for (const auto& [name, function] : binary) parser.DefineFun(name, function);
-  for (const auto& [name, function] : variadic) parser.DefineFun(name, function);
-  parser.DefineConst("pi", std::numbers::pi);
+  static const mu::Parser without_parameters = [] {
+    mu::Parser made;
+    made.ClearFun();
+    made.ClearConst();
+    for (const auto& [name, function] : unary) made.DefineFun(name, function);
+    for (const auto& [name, function] : binary) made.DefineFun(name, function);
+    for (const auto& [name, function] : variadic) made.DefineFun(name, function);
+    made.DefineConst("pi", std::numbers::pi);
+    return made;
+  }();
+  mu::Parser parser = without_parameters;
   for (const auto& [name, value] : parameters) parser.DefineConst(name, value);
   return parser;
 }
@@ -259,6 +264,7 @@ class TimeVector {
 struct Expressions::Implementation {
   Meanings meanings;
   KeptValues kept{meanings};
+  std::unordered_map<std::string, std::string> parsed_before;  ///< meanings, by their texts
   double t = 0;
   mu::Parser parser = make_parser({}), parser_in_time = make_parser({});
 
@@ -274,6 +280,28 @@ struct Expressions::Implementation {
       check_name(name, text, meanings, time_allowed, where, variables);
       if (!name.called && meanings.has(name.text)) kept.use(name.text);
     }
+  }
+
+  /// Throws Error for what muParser does not take, whatever the parameters are.
+  void check_syntax(const std::string& text, const std::string& meaning, const std::string& where) {
+    constexpr std::size_t most_texts = 10'000;  // of expressions for all entries there may be millions
+    const auto before = parsed_before.find(text);
+    if (before != parsed_before.end() && before->second == meaning) return;
+    t = 0;
+    evaluate(parser_in_time, meaning, where);
+    evaluate(parser_in_time, "(" + meaning + ")", where);  // as it will be used
+    if (before != parsed_before.end() || parsed_before.size() < most_texts) parsed_before[text] = meaning;
+  }
+
+  /// Whether muParser gives the values of the formula.
+  bool agrees(const Formula& formula, const std::string& text, double T) {
+    parser_in_time.SetExpr("(" + text + ")");
+    constexpr std::array parts{0.0379, 0.2113, 0.4567, 0.7071, 0.9341};
+    return std::all_of(parts.begin(), parts.end(), [&](double part) {
+      t = part * T;
+      const double value = parser_in_time.Eval();
+      return !(std::abs(value - formula(t)) > 1e-6 * std::abs(value) + 1e-12);
+    });
   }
 };
 
@@ -314,7 +342,8 @@ void Expressions::define(const std::string& name, double value, const std::strin
 
 void Expressions::define_in_time(const std::string& name, const std::string& text, const std::string& where) {
   require_new(name, where);
-  implementation_->meanings.definitions.emplace(name, in_full(text, where));
+  const std::string& meaning = kept().get("in full " + text, {}, [&] { return in_full(text, where); });
+  implementation_->meanings.definitions.emplace(name, meaning);
 }
 
 double Expressions::evaluated(const std::string& text, const std::string& where) const {
@@ -348,9 +377,7 @@ std::string Expressions::in_full(const std::string& text, const std::string& whe
   } else if (!parsed(meaning)) {
     read_formula(meaning, parameters(), where);
   } else {
-    mu::Parser& parser = implementation_->parser_in_time;
-    evaluate(parser, meaning, where);
-    evaluate(parser, "(" + meaning + ")", where);  // as it will be used
+    implementation_->check_syntax(text, meaning, where);
   }
   return meaning;
 }
@@ -372,34 +399,41 @@ TimeFunction Expressions::in_time(const std::vector<std::string>& texts) const {
 }
 
 SwitchTimes Expressions::switch_times(const std::vector<std::string>& texts, double T) const {
-  SwitchTimes all;
-  long work = most_work;
+  std::vector<SwitchSearch> all;
   std::set<std::string> seen;
-  for (const std::string& text : texts) {
-    if (!uses_time(text) || !seen.insert(text).second) continue;
-    const std::optional<Formula> formula = understood(text, T);
-    const SwitchTimes found = formula ? bromwich::switch_times(*formula, T, work) : SwitchTimes{{}, false};
-    all.times.insert(all.times.end(), found.times.begin(), found.times.end());
-    all.complete = all.complete && found.complete;
+  for (const std::string& text : texts)
+    if (seen.insert(text).second) all.push_back(switch_search(text, T));
+  return together(all);
+}
+
+SwitchSearch Expressions::switch_search(const std::string& text, double T) const {
+  if (!uses_time(text)) return {};
+  const std::optional<Formula> formula = understood(text, T);
+  if (!formula) return {{{}, false}, 0};
+  long left = most_work;
+  SwitchTimes found = bromwich::switch_times(*formula, T, left);
+  return {std::move(found), most_work - left};
+}
+
+SwitchTimes together(const std::vector<SwitchSearch>& all) {
+  SwitchTimes found;
+  long work = 0;
+  for (const SwitchSearch& one : all) {
+    found.times.insert(found.times.end(), one.found.times.begin(), one.found.times.end());
+    work += one.work;
+    found.complete = found.complete && one.found.complete && work <= most_work;
   }
-  std::sort(all.times.begin(), all.times.end());
-  all.times.erase(std::unique(all.times.begin(), all.times.end()), all.times.end());
-  return all;
+  std::sort(found.times.begin(), found.times.end());
+  found.times.erase(std::unique(found.times.begin(), found.times.end()), found.times.end());
+  return found;
 }
 
 /// The formula of a text, if it has the same values as in muParser.
 std::optional<Formula> Expressions::understood(const std::string& text, double T) const {
   try {
     Formula formula = read_formula(text, parameters(), "expression");
-    if (!formula.switches) return formula;
-    const TimeFunction function = in_time({text});
-    for (const double part : {0.0379, 0.2113, 0.4567, 0.7071, 0.9341}) {
-      Vector value(1);
-      function(part * T, value);
-      const double gap = std::abs(value[0] - formula(part * T));
-      if (gap > 1e-6 * std::abs(value[0]) + 1e-12) return std::nullopt;
-    }
-    return formula;
+    if (!formula.switches || !parsed(text)) return formula;
+    return implementation_->agrees(formula, text, T) ? std::optional(std::move(formula)) : std::nullopt;
   } catch (const Error&) {
     return std::nullopt;
   }

@@ -23,6 +23,14 @@ namespace bromwich {
 /// "sin", "cos", ...: every function that an expression may call.
 std::vector<std::string> expression_functions();
 
+/// The switch times of one text, and the operations that were spent on them.
+struct SwitchSearch {
+  SwitchTimes found;
+  long work = 0;
+};
+/// Those of several texts; not complete where they took too many operations together.
+SwitchTimes together(const std::vector<SwitchSearch>&);
+
 /// Makes numbers and functions of time from text. `where` is the argument of every Error: "rlcd.toml:7: dynamics.A".
 class Expressions {
  public:
@@ -63,6 +71,8 @@ class Expressions {
 
   /// The times in [0, T] at which one of the texts of `in_full` may jump or have a kink.
   SwitchTimes switch_times(const std::vector<std::string>& texts, double T) const;
+  /// The same of one text.
+  SwitchSearch switch_search(const std::string& text, double T) const;
 
  private:
   void require_new(const std::string& name, const std::string& where) const;

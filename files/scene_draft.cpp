@@ -16,6 +16,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <limits>
 #include <set>
@@ -275,6 +276,35 @@ void add_breakpoints(const Sections& s, Draft& draft) {
   scene.breakpoints_are_all = draft.switches.complete;
 }
 
+void add_sources(const Sections& s, Draft& draft) {
+  if (!s.port.given()) add_f(s, draft);
+  add_g(s, draft);
+  add_breakpoints(s, draft);
+}
+
+Index next_number() {
+  static std::atomic<Index> given{0};
+  return ++given;
+}
+
+/// The draft with its sources, of which those of a scene before are taken where nothing that enters them has changed.
+void add_kept_sources(const Sections& s, Draft& draft) {
+  const Scene& scene = draft.scene;
+  const Draft& with = s.top.kept(
+      "the sources", {scene.T, double(scene.states()), double(scene.constraints()), double(scene.f_entry)}, [&] {
+        if (s.relay.given()) relay_alone(s, scene.T);  // whose sources the draft has
+        Draft made = draft;
+        add_sources(s, made);
+        made.sources = next_number();
+        return made;
+      });
+  draft.scene.f = with.scene.f, draft.scene.f_entry = with.scene.f_entry, draft.scene.F = with.scene.F;
+  draft.scene.g = with.scene.g;
+  draft.scene.breakpoints = with.scene.breakpoints;
+  draft.scene.breakpoints_are_all = with.scene.breakpoints_are_all;
+  draft.switches = with.switches, draft.sources = with.sources;
+}
+
 void check_names(const Section& section, const Labels& names) {
   std::set<std::string> seen{"t", "all", "none"};
   for (const auto& [key, list] : {std::pair("x", &names.x), std::pair("y", &names.y), std::pair("w", &names.w)})
@@ -330,9 +360,12 @@ Draft draft_scene(const Sections& s, const ParameterValues& settings) {
     return of_file;
   };
   in_the_file(where, [&] { scene.validate(); });
-  if (!s.port.given()) add_f(s, draft);
-  add_g(s, draft);
-  add_breakpoints(s, draft);
+  if (s.port.given()) {  // with sources of its own, which depend on the dynamics
+    add_sources(s, draft);
+    draft.sources = next_number();
+  } else {
+    add_kept_sources(s, draft);
+  }
   in_the_file(where, [&] { scene.validate(); });
   add_exact(s.exact, scene);
   add_labels(s, scene);

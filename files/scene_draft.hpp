@@ -10,6 +10,7 @@ namespace bromwich {
 struct Draft {
   Scene scene;
   SwitchTimes switches;
+  Index sources = 0;  ///< equal numbers: the same f, g and switch times
 
   void note(const SwitchTimes& of_source) {
     switches.times.insert(switches.times.end(), of_source.times.begin(), of_source.times.end());

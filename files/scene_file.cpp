@@ -22,6 +22,7 @@ struct SceneReader::File {
   toml::table root;
   Sections sections;
   std::vector<std::filesystem::path> path;  ///< of the file, or none
+  Index sources = 0;                        ///< of the last scene
 
   File(std::string_view toml, const std::string& name, const std::filesystem::path& folder)
       : document{name},
@@ -68,7 +69,7 @@ SceneReader::SceneReader(SceneReader&&) noexcept = default;
 SceneReader& SceneReader::operator=(SceneReader&&) noexcept = default;
 
 NonlinearFile SceneReader::nonlinear(const ParameterValues& settings) {
-  auto& [document, root, sections, path] = *file_;
+  auto& [document, root, sections, path, number_of_sources] = *file_;
   ParameterValues others;
   document.expressions.begin_scene();
   read_parameters(document, sections.parameters, settings, others);
@@ -77,6 +78,7 @@ NonlinearFile SceneReader::nonlinear(const ParameterValues& settings) {
   SceneFile& file = read.file;
   Draft draft = draft_scene(sections, others);
   file.scene = std::move(draft.scene);
+  number_of_sources = draft.sources;
   if (sections.kronecker.given()) file.rectangle = read_rectangle(sections);
   if (!draft.switches.complete) file.warning = incomplete_switches;
   add_facts(file, document, sections, !settings.empty());
@@ -85,6 +87,8 @@ NonlinearFile SceneReader::nonlinear(const ParameterValues& settings) {
   read.system = read_nonlinear(sections, file.scene);
   return read;
 }
+
+Index SceneReader::sources() const { return file_->sources; }
 
 SceneFile SceneReader::linear(const ParameterValues& settings) {
   NonlinearFile read = nonlinear(settings);

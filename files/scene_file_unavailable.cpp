@@ -38,6 +38,7 @@ SceneReader::SceneReader(SceneReader&&) noexcept = default;
 SceneReader& SceneReader::operator=(SceneReader&&) noexcept = default;
 SceneFile SceneReader::linear(const ParameterValues&) { return {}; }
 NonlinearFile SceneReader::nonlinear(const ParameterValues&) { return {}; }
+Index SceneReader::sources() const { return 0; }
 
 ParameterValues Sweep::settings(Index) const { return {}; }
 

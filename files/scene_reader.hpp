@@ -23,6 +23,8 @@ class SceneReader {
   SceneFile linear(const ParameterValues& settings = {});
   /// As read_nonlinear_file.
   NonlinearFile nonlinear(const ParameterValues& settings = {});
+  /// A number of the sources of the last scene: scenes with equal numbers have the same f, g, switch times and T.
+  Index sources() const;
 
  private:
   struct File;

@@ -11,6 +11,7 @@
 #include <cctype>
 #include <cmath>
 #include <limits>
+#include <set>
 
 namespace bromwich {
 
@@ -340,10 +341,22 @@ FunctionValue Section::function(const std::string& key, double last_time, Index 
   if (!has(key)) return {};
   const auto named = file(key);
   if (named && extension(named->name) == ".csv") return tabulated(key, *named, last_time);
-  const SwitchTimes& switches = kept("the switch times of " + key, {double(size), last_time}, [&] {
-    return document_->expressions.switch_times(texts_in_time(key, size), last_time);
-  });
+  const SwitchTimes& switches = kept("the switch times of " + key, {double(size), last_time},
+                                     [&] { return switch_times_of_texts(key, last_time, size); });
   return {function_of_texts(key, size), Index(texts_in_time(key, size).size()), switches};
+}
+
+SwitchTimes Section::switch_times_of_texts(const std::string& key, double last_time, Index size) const {
+  const Expressions& expressions = document_->expressions;
+  if (size > 0 && single_text(key)) return expressions.switch_times(texts_in_time(key, size), last_time);
+  std::vector<SwitchSearch> all;
+  std::set<std::string> seen;
+  for (const toml::node& entry : require_list(key, function_remedy))
+    if (const auto* text = entry.as_string(); text && seen.insert(text->get()).second)
+      all.push_back(expressions.kept().get("the switch times of " + text->get(), {last_time}, [&] {
+        return expressions.switch_search(time_expression(entry, key), last_time);
+      }));
+  return together(all);
 }
 
 FunctionValue Section::tabulated(const std::string& key, const NumberFile& named, double last_time) const {

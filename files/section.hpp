@@ -94,6 +94,7 @@ class Section {
   MatrixValue read_matrix(const std::string& key, Index rows, Index columns) const;
   const std::vector<std::string>& texts_in_time(const std::string& key, Index size) const;
   const TimeFunction& function_of_texts(const std::string& key, Index size) const;
+  SwitchTimes switch_times_of_texts(const std::string& key, double last_time, Index size) const;
   FunctionValue tabulated(const std::string& key, const NumberFile& table, double last_time) const;
   std::string of_entry(const std::string& key, Index i, std::optional<Index> j = {}) const;
   std::string of_entry_and_own(const std::string& key, Index i, const std::string& own) const;

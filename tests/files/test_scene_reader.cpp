@@ -16,7 +16,7 @@
 #include <string>
 #include <vector>
 
-namespace bromwich {
+namespace bromwich::scene_reader_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -268,6 +268,43 @@ T = 1
   EXPECT_NE(&*one.dynamics, &*three.dynamics);
 }
 
+TEST(SceneReader, SourcesWithOneNumberAreTheSame) {
+  SceneReader reader(R"toml(
+[parameters]
+a = 1
+b = 2
+c = 3
+d = 4
+[definitions]
+wave = "sin(c*t)"
+[dynamics]
+A = [["-b"]]
+B = [[1]]
+f = ["wave"]
+x0 = ["a"]
+[complementarity]
+N = [[1]]
+M = [["b"]]
+g = ["max(cos(3*t), 0)"]
+[time]
+T = 1
+jumps = ["d/10"]
+)toml",
+                     "s.toml");
+  const auto number = [&](const ParameterValues& settings) {
+    reader.linear(settings);
+    return reader.sources();
+  };
+  const Index first = number({});
+  EXPECT_EQ(number({{"a", 3}}), first);
+  EXPECT_EQ(number({{"b", 3}}), first);
+  EXPECT_NE(number({{"c", 4}}), first);
+  EXPECT_NE(number({{"d", 5}}), first);
+  EXPECT_NE(number({{"T", 2}}), first);
+  const Index again = number({});
+  EXPECT_EQ(number({{"a", 3}, {"b", 1}}), again);
+}
+
 TEST(KeptValues, AreMadeAgainWhereWhatTheyUsedHasAnotherMeaning) {
   Meanings now{{{"a", 1}, {"b", 2}}, {{"s", "sin(t)"}}};
   KeptValues kept(now);
@@ -317,4 +354,4 @@ TEST(KeptValues, DependOnWhatIsGivenAndOnTheKey) {
 }
 
 }  // namespace
-}  // namespace bromwich
+}  // namespace bromwich::scene_reader_test
