@@ -1,5 +1,7 @@
 #include "files/kept_values.hpp"
 
+#include "files/names.hpp"
+
 #include <algorithm>
 #include <bit>
 #include <cstdint>
@@ -26,8 +28,13 @@ bool KeptValues::still_true(const Used& used) const {
 
 void KeptValues::use(const std::string& name) {
   if (open_.empty()) return;
-  const auto parameter = now_.parameters.find(name);
-  note(name, parameter != now_.parameters.end() ? Meaning(parameter->second) : Meaning(now_.definitions.at(name)));
+  if (const auto parameter = now_.parameters.find(name); parameter != now_.parameters.end())
+    return note(name, parameter->second);
+  const std::string& text = now_.definitions.at(name);
+  note(name, text);
+  for (const Name& inside : names_in(text))
+    if (const auto found = now_.parameters.find(inside.text); !inside.called && found != now_.parameters.end())
+      note(inside.text, found->second);
 }
 
 void KeptValues::note(const std::string& name, const Meaning& meaning) {

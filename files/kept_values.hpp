@@ -29,7 +29,8 @@ class KeptValues {
   KeptValues(const KeptValues&) = delete;
   KeptValues& operator=(const KeptValues&) = delete;
 
-  /// Every value that is being made depends on the meaning of this name. Precondition: now.has(name).
+  /// Every value that is being made depends on the meaning of this name, and of the names in it. Precondition:
+  /// now.has(name).
   void use(const std::string& name);
 
   /// make(), or what it has returned before under this key with the same `given` and the same meanings of all names

@@ -76,7 +76,7 @@ void expect_same(const SceneFile& a, const SceneFile& b) {
   EXPECT_EQ(p.relays, q.relays);
   ASSERT_EQ(bool(p.boundary), bool(q.boundary));
   if (p.boundary) expect_same_matrix(p.boundary->E0, q.boundary->E0, "E0");
-  if (p.boundary) EXPECT_TRUE(p.boundary->b == q.boundary->b);
+  if (p.boundary) expect_same_matrix(Matrix(p.boundary->b), Matrix(q.boundary->b), "b");
   EXPECT_EQ(p.name, q.name);
   EXPECT_EQ(p.names.x, q.names.x);
   EXPECT_EQ(p.units.y, q.units.y);
@@ -306,7 +306,7 @@ jumps = ["d/10"]
 }
 
 TEST(KeptValues, AreMadeAgainWhereWhatTheyUsedHasAnotherMeaning) {
-  Meanings now{{{"a", 1}, {"b", 2}}, {{"s", "sin(t)"}}};
+  Meanings now{{{"a", 1}, {"b", 2}, {"c", 3}}, {{"s", "sin(t)"}}};
   KeptValues kept(now);
   int inner = 0, outer = 0;
   const auto make = [&] {
@@ -329,16 +329,20 @@ TEST(KeptValues, AreMadeAgainWhereWhatTheyUsedHasAnotherMeaning) {
   expect(2, 1, 1);
   now.parameters["a"] = 5;
   expect(2, 1, 1);
-  now.definitions["s"] = "cos(t)";
+  now.parameters["c"] = 4;
+  expect(2, 1, 1);
+  now.definitions["s"] = "cos(c*t)";
   expect(2, 1, 2);
+  now.parameters["c"] = 5;  // what a definition uses is used
+  expect(2, 1, 3);
   now.parameters["b"] = 0.0;  // the outer value uses what the inner one uses, also where that was kept
-  expect(0, 2, 3);
+  expect(0, 2, 4);
   now.parameters["b"] = -0.0;
-  expect(0, 3, 4);
+  expect(0, 3, 5);
   now.parameters.erase("b");
   EXPECT_THROW(make(), std::out_of_range);
   now.parameters["b"] = -0.0;
-  expect(0, 4, 5);
+  expect(0, 4, 6);
 }
 
 TEST(KeptValues, DependOnWhatIsGivenAndOnTheKey) {
