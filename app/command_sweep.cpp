@@ -298,7 +298,7 @@ class SweepRun {
     const bool own_T = swept("T");
     const auto file = create_sweep_hdf5({"--out", arguments_.out}, columns, sweep_, times());
     each_block([&](const SceneBlock& block) {
-      file->append({sweep_.values.middleRows(block.first, block.count), block.residual, block.y, block.w, block.x});
+      file->append({sweep_.values.middleRows(block.first, block.count), block.residual, block.y, block.w, block.x}, *backend_);
     });
     Facts facts{{"title", scene.name},
                 {"method", std::string(to_string(options_.method))},
