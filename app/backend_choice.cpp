@@ -53,23 +53,26 @@ int device_number(std::optional<int> given, int number_here) {
   const int devices = int(cuda_devices().size());
   if (!given) return devices > 0 ? number_here % devices : 0;
   if (*given < 0 || *given >= devices)
-    throw Error("device", fmt::format("found {}, and there {}", *given,
-                                      devices == 0   ? "is no CUDA device"
-                                      : devices == 1 ? "is one CUDA device"
-                                                     : fmt::format("are {} CUDA devices", devices)),
-                devices == 0 ? "use the backend cpu" : devices == 1 ? "give 0" : fmt::format("give 0 to {}", devices - 1),
+    throw Error("device",
+                fmt::format("found {}, and there {}", *given,
+                            devices == 0   ? "is no CUDA device"
+                            : devices == 1 ? "is one CUDA device"
+                                           : fmt::format("are {} CUDA devices", devices)),
+                devices == 0   ? "use the backend cpu"
+                : devices == 1 ? "give 0"
+                               : fmt::format("give 0 to {}", devices - 1),
                 ErrorKind::device);
   return *given;
 }
 
 MakeBackend backends_beside(const Backend& backend, std::optional<int> device) {
-  return [on_device = backend.name() == "cuda", device, kept = std::make_shared<KeptBackends>()]() -> std::shared_ptr<Backend> {
+  return [on_device = backend.name() == "cuda", device,
+          kept = std::make_shared<KeptBackends>()]() -> std::shared_ptr<Backend> {
     const std::lock_guard lock(kept->mutex);
     for (const std::shared_ptr<Backend>& one : kept->all)
       if (one.use_count() == 1) return one;
-    kept->all.push_back(on_device
-                            ? make_cuda_backend(make_cpu_backend(1), device_number(device, job().number_here))
-                            : make_cpu_backend(1));
+    kept->all.push_back(on_device ? make_cuda_backend(make_cpu_backend(1), device_number(device, job().number_here))
+                                  : make_cpu_backend(1));
     return kept->all.back();
   };
 }

@@ -219,8 +219,8 @@ class SweepRun {
       seconds_read_ += block.seconds_read;
       seconds_ += block.seconds;
       take(block);
-      for (const auto& [from, to] : {std::pair(&block.status, &status_), {&block.reason, &reason_},
-                                     {&block.warning, &warning_}})
+      for (const auto& [from, to] :
+           {std::pair(&block.status, &status_), {&block.reason, &reason_}, {&block.warning, &warning_}})
         std::move(from->begin(), from->end(), std::back_inserter(*to));
     }
   }
@@ -267,11 +267,11 @@ class SweepRun {
       if (places[i] < 0) continue;
       const Scene& scene = scenes[std::size_t(places[i])];
       if (scene.states() != choice_.scene.states() || scene.constraints() != choice_.scene.constraints())
-        throw Error("[sweep]",
-                    fmt::format("scene {} has {} states and {} constraints, others {} and {}", first_ + Index(i),
-                                scene.states(), scene.constraints(), choice_.scene.states(),
-                                choice_.scene.constraints()),
-                    "sweep parameters that do not change the size");
+        throw Error(
+            "[sweep]",
+            fmt::format("scene {} has {} states and {} constraints, others {} and {}", first_ + Index(i),
+                        scene.states(), scene.constraints(), choice_.scene.states(), choice_.scene.constraints()),
+            "sweep parameters that do not change the size");
     }
     for (Scene& scene : scenes) scene.default_steps = choice_.scene.default_steps;
     Batch batch = batch_of(std::move(scenes));
@@ -298,7 +298,8 @@ class SweepRun {
     const bool own_T = swept("T");
     const auto file = create_sweep_hdf5({"--out", arguments_.out}, columns, sweep_, times());
     each_block([&](const SceneBlock& block) {
-      file->append({sweep_.values.middleRows(block.first, block.count), block.residual, block.y, block.w, block.x}, *backend_);
+      file->append({sweep_.values.middleRows(block.first, block.count), block.residual, block.y, block.w, block.x},
+                   *backend_);
     });
     Facts facts{{"title", scene.name},
                 {"method", std::string(to_string(options_.method))},

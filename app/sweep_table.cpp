@@ -84,8 +84,8 @@ std::string SweepTable::rows(const SceneBlock& block, const BatchResult& result,
   return all;
 }
 
-void SweepTable::add_row(std::string& text, const SceneBlock& block, Index scene, const BatchResult& result, Index place,
-                         Index at) const {
+void SweepTable::add_row(std::string& text, const SceneBlock& block, Index scene, const BatchResult& result,
+                         Index place, Index at) const {
   const std::size_t i = std::size_t(scene);
   fmt::format_to(std::back_inserter(text), "{}", block.first + scene);
   for (Index c = 0; c < sweep_.values.cols(); ++c) add_number(text, sweep_.values(block.first + scene, c));
@@ -99,16 +99,16 @@ void SweepTable::add_row(std::string& text, const SceneBlock& block, Index scene
 }
 
 // At one time, or at T with the largest size.
-void SweepTable::add_values(std::string& text, const BatchResult& result, const Column& c, Index place, Index at) const {
+void SweepTable::add_values(std::string& text, const BatchResult& result, const Column& c, Index place,
+                            Index at) const {
   const bool one_row = times_.empty();
   if (place < 0) {
     for (int k = 0; k < (one_row ? 2 : 1); ++k) add_number(text, NAN);
     return;
   }
   const RowMatrix& all = c.kind == ColumnKind::y ? result.y : c.kind == ColumnKind::w ? result.w : result.x;
-  const Index column = c.kind == ColumnKind::x
-                           ? std::find(states_.begin(), states_.end(), c.component) - states_.begin()
-                           : c.component;
+  const Index column =
+      c.kind == ColumnKind::x ? std::find(states_.begin(), states_.end(), c.component) - states_.begin() : c.component;
   const auto values = result.of(all, place).col(column);
   add_number(text, values[one_row ? values.size() - 1 : at]);
   if (one_row) add_number(text, values.cwiseAbs().maxCoeff<Eigen::PropagateNaN>());

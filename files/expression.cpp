@@ -347,8 +347,8 @@ void Expressions::define_in_time(const std::string& name, const std::string& tex
 }
 
 double Expressions::evaluated(const std::string& text, const std::string& where) const {
-  const double value = parsed(text) ? evaluate(implementation_->parser, text, where)
-                                    : read_formula(text, parameters(), where)(0);
+  const double value =
+      parsed(text) ? evaluate(implementation_->parser, text, where) : read_formula(text, parameters(), where)(0);
   return finite(value, text, where);
 }
 

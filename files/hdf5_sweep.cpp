@@ -50,8 +50,10 @@ class Hdf5Sweep : public SweepFile {
       const Vector values = rows.parameters.col(Index(&one - parameters_.data()));
       one.rows->append(file_, values.data(), count, threads);
     }
-    for (const auto& [one, values] : {std::pair(&residual_, rows.residual.data()), {&y_, rows.y.data()},
-                                      {&w_, rows.w.data()}, {&x_, rows.x.data()}})
+    for (const auto& [one, values] : {std::pair(&residual_, rows.residual.data()),
+                                      {&y_, rows.y.data()},
+                                      {&w_, rows.w.data()},
+                                      {&x_, rows.x.data()}})
       if (one->rows) one->rows->append(file_, values, count, threads);
     file_.flush();
   }

@@ -87,9 +87,8 @@ const toml::array& Section::require_list(const std::string& key, const std::stri
 
 double Section::number(const toml::node& node, const std::string& key) const {
   if (const auto* text = node.as_string())
-    return document_->expressions.kept().get("the number " + text->get(), {}, [&] {
-      return document_->expressions.number(text->get(), where(node, key));
-    });
+    return document_->expressions.kept().get(
+        "the number " + text->get(), {}, [&] { return document_->expressions.number(text->get(), where(node, key)); });
   const auto value = node.is_number() ? node.value<double>() : std::nullopt;
   if (!value || !std::isfinite(*value))
     throw Error(where(node, key), "found " + kind(node), "give a finite number, or an expression in quotes");
@@ -279,9 +278,8 @@ Matrix Section::inline_matrix(const std::string& key) const {
 std::string Section::time_expression(const toml::node& node, const std::string& key) const {
   const auto* text = node.as_string();
   if (!text) return fmt::format("({})", number(node, key));
-  return document_->expressions.kept().get("in full " + text->get(), {}, [&] {
-    return document_->expressions.in_full(text->get(), where(node, key));
-  });
+  return document_->expressions.kept().get(
+      "in full " + text->get(), {}, [&] { return document_->expressions.in_full(text->get(), where(node, key)); });
 }
 
 std::string Section::expression(const std::string& key) const { return time_expression(require(key), key); }
@@ -360,9 +358,8 @@ SwitchTimes Section::switch_times_of_texts(const std::string& key, double last_t
 }
 
 FunctionValue Section::tabulated(const std::string& key, const NumberFile& named, double last_time) const {
-  const TimeTable& table = kept("the table " + key, {}, [&] {
-    return read_time_table(read_text(named, where(key)), named.name, key.back());
-  });
+  const TimeTable& table = kept("the table " + key, {},
+                                [&] { return read_time_table(read_text(named, where(key)), named.name, key.back()); });
   require_times_until(table, last_time);
   const auto& kinks_of_table = kept("the kinks of " + key, {last_time}, [&] { return kinks(table, last_time); });
   const TimeFunction& function = kept("the function " + key, {}, [&] { return interpolate(table); });

@@ -89,8 +89,8 @@ Batch batch_from(const std::vector<std::shared_ptr<const Model>>& models, Index 
 std::shared_ptr<BatchAnswer> solve_many(const std::vector<std::shared_ptr<const Model>>& models, Index scenes,
                                         const std::map<std::string, Array3>& axes, const std::optional<Array2>& x0,
                                         const std::vector<const Source*>& f, const std::vector<const Source*>& g,
-                                        const std::vector<double>& times, const Options& given,
-                                        const Wanted& wanted, nb::object progress, nb::object stop) {
+                                        const std::vector<double>& times, const Options& given, const Wanted& wanted,
+                                        nb::object progress, nb::object stop) {
   Calls calls(std::move(progress), std::move(stop));
   return unlocked(calls, [&] {
     auto answer = std::make_shared<BatchAnswer>();
@@ -241,8 +241,8 @@ void bind_batch(nb::module_& m) {
       .def("jvp", &forward_each, nb::arg("tables"), nb::arg("threads"))
       .def("vjp", &backward_each, nb::arg("tables"), nb::arg("threads"));
   m.def("solve_batch", &solve_many, nb::arg("models"), nb::arg("scenes"), nb::arg("axes"), nb::arg("x0").none(),
-        nb::arg("f"), nb::arg("g"), nb::arg("times"), nb::arg("options"), nb::arg("wanted"),
-        nb::arg("progress").none(), nb::arg("stop").none());
+        nb::arg("f"), nb::arg("g"), nb::arg("times"), nb::arg("options"), nb::arg("wanted"), nb::arg("progress").none(),
+        nb::arg("stop").none());
 }
 
 }  // namespace bromwich::python

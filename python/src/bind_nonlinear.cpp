@@ -118,7 +118,8 @@ std::shared_ptr<NonlinearAnswer> solve_one(const std::shared_ptr<const Model>& m
                                            nb::object dphi, nb::object dgamma,
                                            const std::shared_ptr<const NonlinearTerms>& terms, bool of_trace,
                                            const std::string& method, const std::string& inner, Index steps, double tol,
-                                           Index max_steps, double iteration_tol, const Wanted& wanted, nb::object stop) {
+                                           Index max_steps, double iteration_tol, const Wanted& wanted,
+                                           nb::object stop) {
   Calls calls(nb::none(), std::move(stop));
   NonlinearScene scene;
   if (terms) {

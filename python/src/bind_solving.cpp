@@ -36,15 +36,15 @@ Options with_goal(Options options, const Model& model) {
 }
 
 /// Ranks stop together or not at all: they are asked for nothing that one of them could answer otherwise.
-std::shared_ptr<Machine> machine_of(const std::shared_ptr<PythonRanks>& ranks, const Wanted& wanted,
-                                    const Scene& scene, const Options& options, bool own = false) {
+std::shared_ptr<Machine> machine_of(const std::shared_ptr<PythonRanks>& ranks, const Wanted& wanted, const Scene& scene,
+                                    const Options& options, bool own = false) {
   if (!ranks) return machine_for(wanted, scene, options, own);
   check_same(*ranks, scene, options);
   return machine_on_ranks(ranks, wanted);
 }
 
-std::shared_ptr<Answer> solve_once(std::shared_ptr<const Model> model, const Options& given, const Wanted& wanted, nb::object progress, nb::object stop,
-                                   std::shared_ptr<PythonRanks> ranks) {
+std::shared_ptr<Answer> solve_once(std::shared_ptr<const Model> model, const Options& given, const Wanted& wanted,
+                                   nb::object progress, nb::object stop, std::shared_ptr<PythonRanks> ranks) {
   Calls calls(std::move(progress), std::move(stop));
   return unlocked(calls, [&] {
     for (const auto& forget : model->forget) forget();
@@ -180,11 +180,10 @@ void bind_solving(nb::module_& m) {
             new (wanted) Wanted{std::move(backend), device, number_here, threads};
           },
           nb::arg("backend"), nb::arg("device").none(), nb::arg("number_here"), nb::arg("threads"));
-  m.def("solve", &solve_once, nb::arg("model"), nb::arg("options"), nb::arg("wanted"),
-        nb::arg("progress").none(), nb::arg("stop").none(), nb::arg("ranks").none());
+  m.def("solve", &solve_once, nb::arg("model"), nb::arg("options"), nb::arg("wanted"), nb::arg("progress").none(),
+        nb::arg("stop").none(), nb::arg("ranks").none());
   nb::class_<Prepared>(m, "Prepared")
-      .def(nb::init<std::shared_ptr<const Model>, const Options&, const Wanted&,
-                    const std::shared_ptr<PythonRanks>&>(),
+      .def(nb::init<std::shared_ptr<const Model>, const Options&, const Wanted&, const std::shared_ptr<PythonRanks>&>(),
            nb::arg("model"), nb::arg("options"), nb::arg("wanted"), nb::arg("ranks").none())
       .def("set_x0", &Prepared::set_x0, nb::arg("x0"))
       .def("set_sources", &Prepared::set_sources, nb::arg("f").none(), nb::arg("g").none(), nb::arg("breakpoints"))

@@ -71,7 +71,7 @@ std::shared_ptr<Machine> machine_for(const Wanted& wanted, const Scene& scene, c
   if (const auto found = kept.cuda.find(device);
       found != kept.cuda.end() && found->second.fits(threads) && (word == "auto" || word == "cuda"))
     return takes(word, scene, options, components, *found->second.machine->backend) ? found->second.machine
-                                                                                   : on_host(kept, threads, own);
+                                                                                    : on_host(kept, threads, own);
   auto made = std::make_shared<Machine>(
       app::choose_backend(word, scene, options, components, threads, !kept.cuda.empty(), device));
   made->device = device;

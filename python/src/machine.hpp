@@ -19,7 +19,7 @@ struct Machine {
 
   const std::shared_ptr<Communicator> ranks;  ///< that divide the time points of the backend; null: it has them all
   std::unique_ptr<Backend> backend;
-  int device = 0;                             ///< where the backend is one of a device
+  int device = 0;      ///< where the backend is one of a device
   MakeBackend beside;  ///< of the threads of solve_batch, kept from one call to the next; empty before the first
   std::mutex busy;
 };

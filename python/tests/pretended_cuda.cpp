@@ -1,5 +1,5 @@
-// A shared object in the place of bromwich/_cuda.so: its two devices are backends of naive loops. Shows on machines without
-// a device that backends, plans and errors pass between two shared objects.
+// A shared object in the place of bromwich/_cuda.so: its two devices are backends of naive loops. Shows on machines
+// without a device that backends, plans and errors pass between two shared objects.
 
 #include "core/base/error.hpp"
 #include "kernels/cuda_plugin.hpp"
@@ -14,7 +14,8 @@ bool cuda_built() { return true; }
 
 // With three threads of the host it says which device is asked for.
 std::unique_ptr<Backend> make_cuda_backend(std::unique_ptr<Backend> host, int device) {
-  if (host->threads() == 3) throw Error("device", std::to_string(device) + " is at work", "try again", ErrorKind::device);
+  if (host->threads() == 3)
+    throw Error("device", std::to_string(device) + " is at work", "try again", ErrorKind::device);
   return make_reference_backend();
 }
 

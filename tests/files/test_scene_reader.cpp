@@ -34,7 +34,7 @@ void expect_same_dynamics(const Dynamics& a, const Dynamics& b) {
   ASSERT_EQ(constraints(a), constraints(b));
   EXPECT_EQ(a.made_from<DenseDynamics>() != nullptr, b.made_from<DenseDynamics>() != nullptr);
   EXPECT_EQ(a.made_from<SparseDynamics>() != nullptr, b.made_from<SparseDynamics>() != nullptr);
-  if (const auto *p = a.made_from<SparseDynamics>(), *q = b.made_from<SparseDynamics>(); p && q) {
+  if (const auto* p = a.made_from<SparseDynamics>(), *q = b.made_from<SparseDynamics>(); p && q) {
     EXPECT_EQ(SparseMatrix(p->A - q->A).norm(), 0);
     EXPECT_EQ(SparseMatrix(p->B - q->B).norm(), 0);
     EXPECT_EQ(SparseMatrix(p->N - q->N).norm(), 0);
