@@ -2,106 +2,31 @@
 
 #include "core/base/error.hpp"
 #include "files/formula.hpp"
+#include "files/mu_parser.hpp"
 #include "files/names.hpp"
 #include "files/shorthand.hpp"
 #include "files/spelling.hpp"
+#include "files/time_vector.hpp"
 #include "files/words.hpp"
 
 #include <fmt/format.h>
-#include <muParser.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <mutex>
 #include <numbers>
 #include <set>
 #include <string_view>
 #include <unordered_map>
+#include <unordered_set>
 
 namespace bromwich {
 
 namespace {
 
-/// muParser evaluates several results in one call, but rejects long texts: expressions share a parser up to this
-/// length.
-constexpr std::size_t longest_batch = 4000;
-/// Longer texts are rejected by muParser even alone: they are evaluated as a Formula.
-constexpr std::size_t longest_parsed = 19'000;
-
 constexpr const char* time_remedy = "only f, g, u, e, definitions and exact solutions may depend on it";
 
 /// Operations of formulas spent on the search for switch times: seconds at most.
 constexpr long most_work = 20'000'000;
-
-bool parsed(const std::string& text) { return text.size() <= longest_parsed; }
-
-template <typename Pointer>
-struct Named {
-  const char* name;
-  Pointer function;
-};
-
-using Unary = double (*)(double);
-using Binary = double (*)(double, double);
-using Variadic = double (*)(const double*, int);
-
-constexpr std::array<Named<Unary>, 25> unary{{
-    {"sin", [](double s) { return std::sin(s); }},
-    {"cos", [](double s) { return std::cos(s); }},
-    {"tan", [](double s) { return std::tan(s); }},
-    {"asin", [](double s) { return std::asin(s); }},
-    {"acos", [](double s) { return std::acos(s); }},
-    {"atan", [](double s) { return std::atan(s); }},
-    {"sinh", [](double s) { return std::sinh(s); }},
-    {"cosh", [](double s) { return std::cosh(s); }},
-    {"tanh", [](double s) { return std::tanh(s); }},
-    {"exp", [](double s) { return std::exp(s); }},
-    {"expm1", [](double s) { return std::expm1(s); }},
-    {"log", [](double s) { return std::log(s); }},
-    {"ln", [](double s) { return std::log(s); }},
-    {"log10", [](double s) { return std::log10(s); }},
-    {"log2", [](double s) { return std::log2(s); }},
-    {"sqrt", [](double s) { return std::sqrt(s); }},
-    {"cbrt", [](double s) { return std::cbrt(s); }},
-    {"erf", [](double s) { return std::erf(s); }},
-    {"erfc", [](double s) { return std::erfc(s); }},
-    {"abs", [](double s) { return std::abs(s); }},
-    {"sign", [](double s) { return double(s > 0) - double(s < 0); }},
-    {"heaviside", [](double s) { return double(s >= 0); }},
-    {"floor", [](double s) { return std::floor(s); }},
-    {"ceil", [](double s) { return std::ceil(s); }},
-    {"round", [](double s) { return std::round(s); }},
-}};
-
-constexpr std::array<Named<Binary>, 3> binary{{
-    {"pow", [](double a, double b) { return std::pow(a, b); }},
-    {"atan2", [](double y, double x) { return std::atan2(y, x); }},
-    // In [0, b), also for negative a: mod(t, period) is periodic on the whole axis.
-    {"mod", [](double a, double b) { return a - b * std::floor(a / b); }},
-}};
-
-constexpr std::array<Named<Variadic>, 2> variadic{{
-    {"min", [](const double* values, int count) { return *std::min_element(values, values + count); }},
-    {"max", [](const double* values, int count) { return *std::max_element(values, values + count); }},
-}};
-
-/// A parser with only the functions and constants above, without muParser's own.
-mu::Parser make_parser(const ParameterValues& parameters) {
-  static const mu::Parser without_parameters = [] {
-    mu::Parser made;
-    made.ClearFun();
-    made.ClearConst();
-    for (const auto& [name, function] : unary) made.DefineFun(name, function);
-    for (const auto& [name, function] : binary) made.DefineFun(name, function);
-    for (const auto& [name, function] : variadic) made.DefineFun(name, function);
-    made.DefineConst("pi", std::numbers::pi);
-    return made;
-  }();
-  mu::Parser parser = without_parameters;
-  for (const auto& [name, value] : parameters) parser.DefineConst(name, value);
-  return parser;
-}
 
 bool uses_time(std::string_view text) {
   const auto names = names_in(text);
@@ -175,96 +100,17 @@ double finite(double value, const std::string& text, const std::string& where) {
   return value;
 }
 
-/// The parsers of one thread. muParser stores the address of t, so they must not be moved.
-class ParserSet {
- public:
-  ParserSet(const std::vector<std::string>& texts, const ParameterValues& parameters) {
-    for (std::size_t begin = 0; begin < texts.size();) {
-      std::string batch;
-      std::size_t end = begin;
-      for (; end < texts.size() && (end == begin || batch.size() + texts[end].size() < longest_batch); ++end)
-        batch += (end == begin ? "(" : ",(") + texts[end] + ")";
-      parsers_.push_back(make_parser(parameters));
-      parsers_.back().DefineVar("t", &t_);
-      parsers_.back().SetExpr(batch);
-      begin = end;
-    }
-  }
-  ParserSet(const ParserSet&) = delete;
-  ParserSet& operator=(const ParserSet&) = delete;
-
-  /// Calls `write` for every value, in the order of the texts.
-  template <typename Write>
-  void evaluate(double t, const Write& write) {
-    t_ = t;
-    std::size_t next = 0;
-    for (mu::Parser& parser : parsers_) {
-      int count = 0;
-      const double* values = parser.Eval(count);
-      for (int i = 0; i < count; ++i) write(next++, values[i]);
-    }
-  }
-
- private:
-  double t_ = 0;
-  std::vector<mu::Parser> parsers_;
-};
-
-/// Parser sets that no thread is using. A thread takes one, or makes one if all are in use.
-class TimeVector {
- public:
-  TimeVector(Vector constants, ParameterValues parameters)
-      : constants_(std::move(constants)), parameters_(std::move(parameters)) {}
-
-  /// Value of entry `row`; its text was checked before.
-  void add(Index row, const std::string& text) {
-    if (!parsed(text)) {
-      long_.emplace_back(row, read_formula(text, parameters_, "expression"));
-      return;
-    }
-    rows_.push_back(row);
-    texts_.push_back(text);
-  }
-
-  void operator()(double t, Eigen::Ref<Vector> value) {
-    value = constants_;
-    for (const auto& [row, formula] : long_) value[row] = formula(t);
-    if (rows_.empty()) return;
-    std::unique_ptr<ParserSet> set = take();
-    set->evaluate(t, [&](std::size_t i, double entry) { value[rows_[i]] = entry; });
-    const std::lock_guard lock(mutex_);
-    idle_.push_back(std::move(set));
-  }
-
- private:
-  std::unique_ptr<ParserSet> take() {
-    {
-      const std::lock_guard lock(mutex_);
-      if (!idle_.empty()) {
-        auto set = std::move(idle_.back());
-        idle_.pop_back();
-        return set;
-      }
-    }
-    return std::make_unique<ParserSet>(texts_, parameters_);
-  }
-
-  Vector constants_;
-  std::vector<Index> rows_;  ///< texts_[i] is the entry rows_[i]
-  std::vector<std::string> texts_;
-  std::vector<std::pair<Index, Formula>> long_;
-  ParameterValues parameters_;
-  std::mutex mutex_;
-  std::vector<std::unique_ptr<ParserSet>> idle_;
-};
-
 }  // namespace
+
+/// Texts that are remembered: of expressions for all entries there may be millions.
+constexpr std::size_t most_texts = 10'000;
 
 /// A parser for one use after the other: parameters are constants of it.
 struct Expressions::Implementation {
   Meanings meanings;
   KeptValues kept{meanings};
   std::unordered_map<std::string, std::string> parsed_before;  ///< meanings, by their texts
+  std::unordered_set<std::string> agreed_before;               ///< meanings
   double t = 0;
   mu::Parser parser = make_parser({}), parser_in_time = make_parser({});
 
@@ -284,7 +130,6 @@ struct Expressions::Implementation {
 
   /// Throws Error for what muParser does not take, whatever the parameters are.
   void check_syntax(const std::string& text, const std::string& meaning, const std::string& where) {
-    constexpr std::size_t most_texts = 10'000;  // of expressions for all entries there may be millions
     const auto before = parsed_before.find(text);
     if (before != parsed_before.end() && before->second == meaning) return;
     t = 0;
@@ -293,15 +138,17 @@ struct Expressions::Implementation {
     if (before != parsed_before.end() || parsed_before.size() < most_texts) parsed_before[text] = meaning;
   }
 
-  /// Whether muParser gives the values of the formula.
+  /// Whether muParser gives the values of the formula, with these or other parameters.
   bool agrees(const Formula& formula, const std::string& text, double T) {
+    if (agreed_before.contains(text)) return true;
     parser_in_time.SetExpr("(" + text + ")");
-    constexpr std::array parts{0.0379, 0.2113, 0.4567, 0.7071, 0.9341};
-    return std::all_of(parts.begin(), parts.end(), [&](double part) {
+    for (const double part : {0.0379, 0.2113, 0.4567, 0.7071, 0.9341}) {
       t = part * T;
       const double value = parser_in_time.Eval();
-      return !(std::abs(value - formula(t)) > 1e-6 * std::abs(value) + 1e-12);
-    });
+      if (std::abs(value - formula(t)) > 1e-6 * std::abs(value) + 1e-12) return false;
+    }
+    if (agreed_before.size() < most_texts) agreed_before.insert(text);
+    return true;
   }
 };
 
@@ -390,12 +237,13 @@ Formula Expressions::formula(const std::string& text, const std::map<std::string
 
 TimeFunction Expressions::in_time(const std::vector<std::string>& texts) const {
   Vector constants = Vector::Zero(Index(texts.size()));
+  std::vector<std::pair<Index, std::string>> of_time;
   for (std::size_t i = 0; i < texts.size(); ++i)
-    if (!uses_time(texts[i])) constants[Index(i)] = evaluated(texts[i], "expression");
-  auto function = std::make_shared<TimeVector>(std::move(constants), parameters());
-  for (std::size_t i = 0; i < texts.size(); ++i)
-    if (uses_time(texts[i])) function->add(Index(i), texts[i]);
-  return [function](double t, Eigen::Ref<Vector> value) { (*function)(t, value); };
+    if (uses_time(texts[i]))
+      of_time.emplace_back(Index(i), texts[i]);
+    else
+      constants[Index(i)] = evaluated(texts[i], "expression");
+  return time_vector(std::move(constants), of_time, parameters());
 }
 
 SwitchTimes Expressions::switch_times(const std::vector<std::string>& texts, double T) const {
@@ -440,10 +288,7 @@ std::optional<Formula> Expressions::understood(const std::string& text, double T
 }
 
 std::vector<std::string> expression_functions() {
-  std::vector<std::string> names;
-  for (const auto& entry : unary) names.emplace_back(entry.name);
-  for (const auto& entry : binary) names.emplace_back(entry.name);
-  for (const auto& entry : variadic) names.emplace_back(entry.name);
+  std::vector<std::string> names = parser_functions();
   for (const std::string& name : shorthand_functions()) names.push_back(name);
   return names;
 }
