@@ -41,9 +41,10 @@ namespace bromwich::app {
 
 namespace {
 
-constexpr double block_share = 0.25;      ///< of the memory, for the results of one block
-constexpr double most_block_bytes = 1e9;  ///< of them
-constexpr double bytes_of_a_scene = 1e4;  ///< of a scene that was read: its expressions and names
+constexpr double block_share = 0.25;          ///< of the memory, for the results of one block
+constexpr double most_block_bytes = 1e9;      ///< of them
+constexpr Index most_scenes_together = 8192;  ///< the next block is faster in memory that was used than in fresh memory
+constexpr double bytes_of_a_scene = 1e4;      ///< of a scene that was read: its expressions and names
 
 class SweepRun {
  public:
@@ -164,7 +165,7 @@ class SweepRun {
     if (fixed + each > memory_bytes())
       throw Error("--steps", fmt::format("one scene needs {}", format_bytes(fixed + each)),
                   "use fewer --steps or fewer --states");
-    together_ = std::clamp<Index>(Index((limit - fixed) / each), 1, sweep_.scenes());
+    together_ = std::clamp<Index>(Index((limit - fixed) / each), 1, std::min(sweep_.scenes(), most_scenes_together));
     predicted_ = fixed + each * double(together_);
   }
 

@@ -34,9 +34,10 @@ class Writer {
       (*this)(value.rows());
       (*this)(value.cols());
       out_.write(reinterpret_cast<const char*>(value.data()), std::streamsize(sizeof(double)) * value.size());
-    } else {
-      (*this)(value.size());
-      for (const auto& one : value) (*this)(one);
+    } else {  // texts: one after the other, each with a zero at its end
+      std::string all;
+      for (const std::string& one : value) all.append(one).push_back('\0');
+      (*this)(all);
     }
   }
 
@@ -61,8 +62,12 @@ class Reader {
       value.resize(rows, cols);
       in_.read(reinterpret_cast<char*>(value.data()), std::streamsize(sizeof(double)) * value.size());
     } else {
-      value.resize(size());
-      for (auto& one : value) (*this)(one);
+      std::string all;
+      (*this)(all);
+      for (std::size_t begin = 0, end = all.find('\0'); end != std::string::npos; end = all.find('\0', begin)) {
+        value.push_back(all.substr(begin, end - begin));
+        begin = end + 1;
+      }
     }
   }
 
