@@ -162,7 +162,8 @@ int run_fit(const FitArguments& a) {
   const Words words = split_words(a.words, a.settings);
   const std::string name = scene_name(words);
   const ParameterValues settings = parse_settings(words.settings);
-  const SceneChoice choice = choose_initial_value_scene(name, settings);
+  SceneSource source(name);
+  const SceneChoice choice = source.initial_value_scene(settings);
   if (a.data.empty())
     throw Error("--data", "found none", "give a CSV file with the header t,x0,y0 and measured values");
   if (a.free.empty()) throw Error("--free", "found none", "give parameters of the scene, such as R,C");
@@ -176,7 +177,7 @@ int run_fit(const FitArguments& a) {
   const auto scene_of = [&](const Vector& p) {
     ParameterValues values = settings;
     for (std::size_t i = 0; i < free.size(); ++i) values[free[i].name] = p[Index(i)];
-    return choose_initial_value_scene(name, values).scene;
+    return source.initial_value_scene(values).scene;
   };
   const Fit found = fit(scene_of, free, data, *backend, options);
   if (!a.plot.empty()) {

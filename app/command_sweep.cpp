@@ -14,6 +14,7 @@
 #include "app/sweep_table.hpp"
 #include "app/text.hpp"
 #include "core/base/error.hpp"
+#include "core/base/timer.hpp"
 #include "core/batch/batch.hpp"
 #include "core/build_info.hpp"
 #include "core/scene/component_names.hpp"
@@ -31,6 +32,7 @@
 #include <iterator>
 #include <map>
 #include <optional>
+#include <set>
 #include <sstream>
 #include <utility>
 #include <vector>
@@ -39,16 +41,15 @@ namespace bromwich::app {
 
 namespace {
 
-constexpr double block_share = 0.25;      ///< of the memory, for the results of one block
-constexpr double most_block_bytes = 1e9;  ///< of them
-constexpr double bytes_of_a_scene = 1e4;  ///< of a scene that was read: its expressions and names
-
-using Block = SceneBlock;
+constexpr double block_share = 0.25;          ///< of the memory, for the results of one block
+constexpr double most_block_bytes = 1e9;      ///< of them
+constexpr Index most_scenes_together = 8192;  ///< the next block is faster in memory that was used than in fresh memory
+constexpr double bytes_of_a_scene = 1e4;      ///< of a scene that was read: its expressions and names
 
 class SweepRun {
  public:
-  SweepRun(const SolveArguments& arguments, std::string name, ParameterValues settings, Sweep sweep)
-      : arguments_(arguments), name_(std::move(name)), settings_(std::move(settings)), sweep_(std::move(sweep)) {
+  SweepRun(const SolveArguments& arguments, const std::string& name, ParameterValues settings, Sweep sweep)
+      : arguments_(arguments), source_(name), settings_(std::move(settings)), sweep_(std::move(sweep)) {
     check_sweep_arguments(arguments_, settings_, sweep_);
     choice_ = first_that_reads();
     options_.method = parse_method(arguments.method);
@@ -62,6 +63,7 @@ class SweepRun {
     choose_times();
     states_ = recorded_components(choice_.scene, options_);
     if (columns_.empty()) columns_ = default_columns(choice_.scene, states_);
+    table_.emplace(sweep_, columns_, states_, arguments.at.empty() ? std::vector<double>() : times_);
   }
 
   int run() {
@@ -76,17 +78,19 @@ class SweepRun {
       };
     catch_interrupts();
     options_.interrupted = interrupted;
+    Timer timer;
     if (ranks().size() > 1 || !arguments_.restart.empty()) {
       solve_over_ranks();
       if (!first_rank()) return exit_solved;
     }
     if (arguments_.out.empty()) {
-      each_block([](const Block&) {});
+      each_block([](const SceneBlock&) {});
     } else if (by_hdf5()) {
       write_hdf5();
     } else {
       OutputFile("--out", arguments_.out, ".csv").write([this](std::FILE* file) { write_csv(file); });
     }
+    seconds_all_ = timer.lap();
     if (kept_) kept_->remove();
     progress.finish();
     print(arguments_.json ? dump(json()) : summary());
@@ -135,14 +139,14 @@ class SweepRun {
 
   bool by_hdf5() const { return std::filesystem::path(arguments_.out).extension() == ".h5"; }
 
-  SceneChoice read(Index scene) const {
+  SceneChoice read(Index scene) {
     ParameterValues settings = settings_;
     for (const auto& [name, value] : sweep_.settings(scene)) settings[name] = value;
-    return choose_scene(name_, settings);
+    return source_.with(settings);
   }
 
   // The sizes of all scenes are those of the first one without an error.
-  SceneChoice first_that_reads() const {
+  SceneChoice first_that_reads() {
     for (Index k = 0; k + 1 < sweep_.scenes(); ++k) try {
         return read(k);
       } catch (const Error&) {
@@ -161,7 +165,7 @@ class SweepRun {
     if (fixed + each > memory_bytes())
       throw Error("--steps", fmt::format("one scene needs {}", format_bytes(fixed + each)),
                   "use fewer --steps or fewer --states");
-    together_ = std::clamp<Index>(Index((limit - fixed) / each), 1, sweep_.scenes());
+    together_ = std::clamp<Index>(Index((limit - fixed) / each), 1, std::min(sweep_.scenes(), most_scenes_together));
     predicted_ = fixed + each * double(together_);
   }
 
@@ -183,7 +187,7 @@ class SweepRun {
       first_ = together_ * (job().next_number ? job().next_number() : next);
       if (first_ >= sweep_.scenes() || interrupted()) break;
       if (kept_->has(first_)) continue;
-      const Block block = solve_block(std::min(together_, sweep_.scenes() - first_));
+      const SceneBlock block = solve_block(std::min(together_, sweep_.scenes() - first_));
       if (interrupted()) break;  // and some scenes of the block with it
       kept_->save(block);
     }
@@ -196,6 +200,7 @@ class SweepRun {
         "{} scenes, {} a block, {} steps, method {}, tolerances {} {} {} {} {}, states {}, times {}\n", sweep_.scenes(),
         together_, steps_, to_string(options_.method), options_.tolerance, options_.tolerance_x, options_.tolerance_y,
         options_.absolute_tolerance, options_.iteration_tolerance, fmt::join(states_, ","), fmt::join(times_, ","));
+    text += by_hdf5() ? "all time points\n" : table_->header();
     for (const auto& [name, value] : settings_) text += fmt::format("{} = {}\n", name, value);
     for (const std::filesystem::path& input : sweep_.inputs) {
       std::ifstream in(input, std::ios::binary);
@@ -209,80 +214,78 @@ class SweepRun {
   template <class Take>
   void each_block(const Take& take) {
     for (first_ = 0; first_ < sweep_.scenes(); first_ += together_) {
-      const Block block = kept_ ? kept_->load(first_) : solve_block(std::min(together_, sweep_.scenes() - first_));
+      SceneBlock block = kept_ ? kept_->load(first_) : solve_block(std::min(together_, sweep_.scenes() - first_));
       ++blocks_;
-      in_lanes_ += block.result.in_lanes;
-      seconds_ += block.result.seconds;
-      Index place = 0;
-      for (Index i = 0; i < block.count; ++i) {
-        const bool was_read = block.refused[std::size_t(i)].empty();
-        status_.push_back(to_string(was_read ? block.result.status[std::size_t(place)] : Status::unsupported));
-        reason_.push_back(was_read ? block.result.reason[std::size_t(place)] : block.refused[std::size_t(i)]);
-        warning_.push_back(was_read ? block.result.warning[std::size_t(place)] : "");
-        place += was_read;
-      }
+      in_lanes_ += block.in_lanes;
+      seconds_read_ += block.seconds_read;
+      seconds_ += block.seconds;
       take(block);
+      for (const auto& [from, to] :
+           {std::pair(&block.status, &status_), {&block.reason, &reason_}, {&block.warning, &warning_}})
+        std::move(from->begin(), from->end(), std::back_inserter(*to));
     }
   }
 
-  Block solve_block(Index count) {
-    Block block{first_, count, {}, std::vector<std::string>(std::size_t(count)), {}};
+  SceneBlock solve_block(Index count) {
+    SceneBlock block;
+    block.first = first_, block.count = count;
+    block.status.assign(std::size_t(count), to_string(Status::unsupported));
+    block.reason.resize(std::size_t(count)), block.warning.resize(std::size_t(count));
+    Timer timer;
     std::vector<Scene> scenes;
+    std::set<Index> sources;
+    std::vector<Index> places(std::size_t(count), -1);
     for (Index i = 0; i < count; ++i) try {
         if (interrupted()) throw Error("scene", "was not read", "stopped on request");
         scenes.push_back(read(first_ + i).scene);
-        block.read.push_back(first_ + i);
+        sources.insert(source_.sources());
+        places[std::size_t(i)] = Index(scenes.size()) - 1;
       } catch (const Error& error) {
-        block.refused[std::size_t(i)] = one_line(error.what());
+        block.reason[std::size_t(i)] = one_line(error.what());
       }
-    for (std::size_t k = 0; k < scenes.size(); ++k)
-      if (scenes[k].states() != choice_.scene.states() || scenes[k].constraints() != choice_.scene.constraints())
-        throw Error("[sweep]",
-                    fmt::format("scene {} has {} states and {} constraints, others {} and {}", block.read[k],
-                                scenes[k].states(), scenes[k].constraints(), choice_.scene.states(),
-                                choice_.scene.constraints()),
-                    "sweep parameters that do not change the size");
-    for (Scene& scene : scenes) scene.default_steps = choice_.scene.default_steps;
-    if (scenes.empty()) return block;
-    Batch batch = batch_of(std::move(scenes));
-    batch.times = times_;
-    block.result = solve_batch(batch, *backend_, options_, beside_);
+    block.seconds_read = timer.lap();
+    BatchResult result;
+    if (!scenes.empty()) result = solved(std::move(scenes), places, sources.size() == 1);
+    for (Index i = 0; i < count; ++i) {
+      const std::size_t to = std::size_t(i);
+      if (places[to] < 0) continue;
+      const std::size_t place = std::size_t(places[to]);
+      block.status[to] = to_string(result.status[place]);
+      block.reason[to] = std::move(result.reason[place]);
+      block.warning[to] = std::move(result.warning[place]);
+    }
+    block.in_lanes = result.in_lanes;
+    block.seconds = result.seconds;
+    if (by_hdf5())
+      keep_arrays(block, std::move(result), places, {steps_ + 1, choice_.scene.constraints(), Index(states_.size())});
+    else if (!arguments_.out.empty())
+      block.rows = table_->rows(block, result, places, *backend_);
     return block;
   }
 
-  // ---- Tables.
-
-  // A row for each scene; with --at one for each scene and time.
-  void write_csv(std::FILE* file) {
-    const bool at = !arguments_.at.empty();
-    std::string header = "scene";
-    for (const std::string& name : sweep_.names) header += "," + name;
-    header += at ? ",t,status,residual" : ",status,residual";
-    for (const Column& c : columns_) header += at ? "," + c.name : fmt::format(",{0}(T),max|{0}|", c.name);
-    std::fputs((header + ",reason,warning\n").c_str(), file);
-    each_block([&](const Block& block) {
-      Index place = 0;
-      for (Index i = 0; i < block.count; ++i) {
-        const bool was_read = block.refused[std::size_t(i)].empty();
-        for (Index row = 0; row < (at ? Index(times_.size()) : 1); ++row)
-          std::fputs(csv_row(block, block.first + i, was_read ? place : -1, at ? row : -1).c_str(), file);
-        place += was_read;
-      }
-    });
+  BatchResult solved(std::vector<Scene> scenes, const std::vector<Index>& places, bool same_sources) {
+    for (std::size_t i = 0; i < places.size(); ++i) {
+      if (places[i] < 0) continue;
+      const Scene& scene = scenes[std::size_t(places[i])];
+      if (scene.states() != choice_.scene.states() || scene.constraints() != choice_.scene.constraints())
+        throw Error(
+            "[sweep]",
+            fmt::format("scene {} has {} states and {} constraints, others {} and {}", first_ + Index(i),
+                        scene.states(), scene.constraints(), choice_.scene.states(), choice_.scene.constraints()),
+            "sweep parameters that do not change the size");
+    }
+    for (Scene& scene : scenes) scene.default_steps = choice_.scene.default_steps;
+    Batch batch = batch_of(std::move(scenes));
+    batch.times = times_;
+    batch.same_sources = same_sources;
+    return solve_batch(batch, *backend_, options_, beside_);
   }
 
-  /// `at`: the row of the times, or -1.
-  std::string csv_row(const Block& block, Index k, Index place, Index at) const {
-    std::string row = fmt::format("{}", k);
-    for (Index c = 0; c < sweep_.values.cols(); ++c) row += "," + csv_number(sweep_.values(k, c));
-    if (at >= 0) row += "," + csv_number(times_[std::size_t(at)]);
-    row += "," + status_[std::size_t(k)] + "," + csv_number(place < 0 ? NAN : block.result.residual[place]);
-    for (const Column& c : columns_) {
-      const Vector values = place < 0 ? Vector(Vector::Constant(1, NAN)) : values_of(block.result, states_, c, place);
-      row += "," + csv_number(place < 0 ? NAN : values[at < 0 ? values.size() - 1 : at]);
-      if (at < 0) row += "," + csv_number(values.cwiseAbs().maxCoeff<Eigen::PropagateNaN>());
-    }
-    return row + "," + csv_text(reason_[std::size_t(k)]) + "," + csv_text(warning_[std::size_t(k)]) + "\n";
+  // ---- Files.
+
+  void write_csv(std::FILE* file) {
+    std::fputs(table_->header().c_str(), file);
+    each_block([&](const SceneBlock& block) { std::fwrite(block.rows.data(), 1, block.rows.size(), file); });
   }
 
   void write_hdf5() {
@@ -295,19 +298,9 @@ class SweepRun {
     for (const Index i : states_) columns.state_names.push_back(state_name(scene, i));
     const bool own_T = swept("T");
     const auto file = create_sweep_hdf5({"--out", arguments_.out}, columns, sweep_, times());
-    each_block([&](const Block& block) {
-      const Index rows = steps_ + 1, all = block.count * rows;
-      RowMatrix y = RowMatrix::Constant(all, columns.constraints, NAN), w = y,
-                x = RowMatrix::Constant(all, Index(states_.size()), NAN);
-      Vector residual = Vector::Constant(block.count, NAN);
-      for (std::size_t place = 0; place < block.read.size(); ++place) {
-        const Index to = block.read[place] - block.first;
-        y.middleRows(to * rows, rows) = block.result.of(block.result.y, Index(place));
-        w.middleRows(to * rows, rows) = block.result.of(block.result.w, Index(place));
-        if (x.size() > 0) x.middleRows(to * rows, rows) = block.result.of(block.result.x, Index(place));
-        residual[to] = block.result.residual[Index(place)];
-      }
-      file->append({sweep_.values.middleRows(block.first, block.count), residual, y, w, x});
+    each_block([&](const SceneBlock& block) {
+      file->append({sweep_.values.middleRows(block.first, block.count), block.residual, block.y, block.w, block.x},
+                   *backend_);
     });
     Facts facts{{"title", scene.name},
                 {"method", std::string(to_string(options_.method))},
@@ -343,7 +336,9 @@ class SweepRun {
       text += fmt::format("first       scene {}: {}\n", failed - reason_.begin(), one_line(*failed));
     text += fmt::format("method      {} on {}, {} scenes side by side\n", to_string(options_.method), backend_->name(),
                         in_lanes_);
-    text += fmt::format("time        {}\n", format_seconds(seconds_));
+    text += fmt::format("time        {}: scenes read {}, solved {}{}\n", format_seconds(seconds_all_),
+                        format_seconds(seconds_read_), format_seconds(seconds_),
+                        ranks().size() > 1 ? ", of all ranks" : "");
     text += fmt::format("memory      {} predicted, in {} block{}\n", format_bytes(predicted_), blocks_,
                         blocks_ == 1 ? "" : "s");
     return text + fmt::format("output      {}\n", arguments_.out.empty() ? "none; --out FILE.csv writes a row for each "
@@ -358,7 +353,7 @@ class SweepRun {
                 {"steps", steps_},
                 {"solved", solved()},
                 {"in_lanes", in_lanes_},
-                {"seconds", seconds_},
+                {"seconds", {{"total", seconds_all_}, {"read", seconds_read_}, {"solve", seconds_}}},
                 {"bytes_predicted", predicted_},
                 {"blocks", blocks_}};
     object["status"] = counts();
@@ -366,7 +361,7 @@ class SweepRun {
   }
 
   const SolveArguments& arguments_;
-  std::string name_;
+  SceneSource source_;
   ParameterValues settings_;
   Sweep sweep_;
   SceneChoice choice_;
@@ -377,9 +372,10 @@ class SweepRun {
   std::vector<Index> states_;
   std::vector<Column> columns_;  ///< of a CSV file
   std::vector<double> times_;    ///< of the rows; empty: those of the grid
+  std::optional<SweepTable> table_;
   std::vector<std::string> status_, reason_, warning_;
   Index steps_ = 0, first_ = 0, together_ = 1, blocks_ = 0, in_lanes_ = 0;
-  double predicted_ = 0, seconds_ = 0;
+  double predicted_ = 0, seconds_all_ = 0, seconds_read_ = 0, seconds_ = 0;  ///< the last two: of all ranks
 };
 
 }  // namespace

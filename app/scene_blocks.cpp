@@ -6,6 +6,7 @@
 
 #include <unistd.h>
 
+#include <cmath>
 #include <fstream>
 #include <functional>
 #include <sstream>
@@ -33,9 +34,10 @@ class Writer {
       (*this)(value.rows());
       (*this)(value.cols());
       out_.write(reinterpret_cast<const char*>(value.data()), std::streamsize(sizeof(double)) * value.size());
-    } else {
-      (*this)(value.size());
-      for (const auto& one : value) (*this)(one);
+    } else {  // texts: one after the other, each with a zero at its end
+      std::string all;
+      for (const std::string& one : value) all.append(one).push_back('\0');
+      (*this)(all);
     }
   }
 
@@ -60,8 +62,12 @@ class Reader {
       value.resize(rows, cols);
       in_.read(reinterpret_cast<char*>(value.data()), std::streamsize(sizeof(double)) * value.size());
     } else {
-      value.resize(size());
-      for (auto& one : value) (*this)(one);
+      std::string all;
+      (*this)(all);
+      for (std::size_t begin = 0, end = all.find('\0'); end != std::string::npos; end = all.find('\0', begin)) {
+        value.push_back(all.substr(begin, end - begin));
+        begin = end + 1;
+      }
     }
   }
 
@@ -78,25 +84,17 @@ template <class Archive, class Block>
 void each_member(Archive&& archive, Block& block) {
   archive(block.first);
   archive(block.count);
-  archive(block.read);
-  archive(block.refused);
-  auto& r = block.result;
-  archive(r.scenes);
-  archive(r.t);
-  archive(r.status);
-  archive(r.reason);
-  archive(r.warning);
-  archive(r.method);
-  archive(r.infeasible_at);
-  archive(r.residual);
-  archive(r.y);
-  archive(r.w);
-  archive(r.x);
-  archive(r.x_components);
-  archive(r.in_lanes);
-  archive(r.prepared);
-  archive(r.seconds);
-  archive(r.bytes);
+  archive(block.status);
+  archive(block.reason);
+  archive(block.warning);
+  archive(block.rows);
+  archive(block.residual);
+  archive(block.y);
+  archive(block.w);
+  archive(block.x);
+  archive(block.in_lanes);
+  archive(block.seconds_read);
+  archive(block.seconds);
 }
 
 std::string text_of(const fs::path& path) {
@@ -124,6 +122,26 @@ void write_whole(const fs::path& path, const std::function<void(std::ostream&)>&
 }
 
 }  // namespace
+
+void keep_arrays(SceneBlock& block, BatchResult result, const std::vector<Index>& places, ArraySizes sizes) {
+  if (result.scenes == block.count) {
+    block.residual = std::move(result.residual);
+    block.y = std::move(result.y), block.w = std::move(result.w), block.x = std::move(result.x);
+    return;
+  }
+  const Index rows = sizes.rows, all = block.count * rows;
+  block.residual = Vector::Constant(block.count, NAN);
+  block.y = RowMatrix::Constant(all, sizes.constraints, NAN), block.w = block.y;
+  block.x = RowMatrix::Constant(all, sizes.states, NAN);
+  for (std::size_t i = 0; i < places.size(); ++i) {
+    if (places[i] < 0) continue;
+    const Index to = Index(i) * rows;
+    block.residual[Index(i)] = result.residual[places[i]];
+    block.y.middleRows(to, rows) = result.of(result.y, places[i]);
+    block.w.middleRows(to, rows) = result.of(result.w, places[i]);
+    if (sizes.states > 0) block.x.middleRows(to, rows) = result.of(result.x, places[i]);
+  }
+}
 
 BlockFolder::BlockFolder(fs::path folder, std::string sweep) : folder_(std::move(folder)), sweep_(std::move(sweep)) {}
 

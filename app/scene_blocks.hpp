@@ -10,13 +10,22 @@
 
 namespace bromwich::app {
 
-/// The scenes that are solved together, and what could not be read.
+/// Scenes that are solved together, in the form in which the file of results takes them.
 struct SceneBlock {
   Index first = 0, count = 0;
-  std::vector<Index> read;           ///< scenes of the file with a place in `result`, in order
-  std::vector<std::string> refused;  ///< one per scene; empty if it was read
-  BatchResult result;
+  std::vector<std::string> status, reason, warning;  ///< one per scene
+  std::string rows;                                  ///< of a CSV file
+  Vector residual;    ///< of an HDF5 file: one per scene, NaN where there is none; likewise
+  RowMatrix y, w, x;  ///< with the rows of each
+  Index in_lanes = 0;
+  double seconds_read = 0, seconds = 0;  ///< of the scenes, and of their solve
 };
+
+struct ArraySizes {
+  Index rows, constraints, states;  ///< of one scene
+};
+/// The arrays of a block. `places`: of its scenes in the result; -1 for one without, whose values are NaN.
+void keep_arrays(SceneBlock&, BatchResult, const std::vector<Index>& places, ArraySizes);
 
 /// One file for each block, which is there as a whole or not at all.
 class BlockFolder {

@@ -3,7 +3,7 @@
 #include "app/machine.hpp"
 #include "app/text.hpp"
 #include "core/base/error.hpp"
-#include "files/nonlinear_file.hpp"
+#include "files/scene_reader.hpp"
 
 #include <fmt/format.h>
 
@@ -49,13 +49,37 @@ void check_keys(const SceneRecipe& recipe, const ParameterValues& settings) {
                   known.empty() ? "leave it out" : "use one of " + join(known));
 }
 
-SceneChoice choose_file(const std::string& name, const ParameterValues& settings, bool nonlinear) {
+SceneChoice choose_built_in(const std::string& name, const ParameterValues& settings) {
+  const SceneRecipe& recipe = find_recipe(name);
+  check_keys(recipe, settings);
+  SceneChoice choice{make_scene(name, settings), settings, "none", std::nullopt, std::nullopt};
+  for (const SceneParameter& parameter : recipe.parameters) choice.parameters.emplace(parameter.name, parameter.value);
+  // Of two parameters that replace each other, only the given one is kept.
+  for (const SceneParameter& parameter : recipe.parameters)
+    if (!parameter.replaces.empty())
+      choice.parameters.erase(settings.contains(parameter.name) ? parameter.replaces : parameter.name);
+  return choice;
+}
+
+}  // namespace
+
+SceneSource::SceneSource(const std::string& name) : name_(name) {
+  if (!looks_like_file(name)) {
+    find_recipe(name);
+    return;
+  }
   std::error_code failure;
   if (scene_files_available() && !std::filesystem::exists(name, failure))
     throw Error("SCENE", fmt::format("the file '{}' does not exist", name),
                 "give the path of a scene file; 'bromwich solve --template' prints one to start from");
-  NonlinearFile read =
-      nonlinear ? read_nonlinear_file(name, settings) : NonlinearFile{read_scene_file(name, settings), {}};
+  file_ = std::make_unique<SceneReader>(std::filesystem::path(name));
+}
+
+SceneSource::~SceneSource() = default;
+
+SceneChoice SceneSource::choice(const ParameterValues& settings, bool nonlinear) {
+  if (!file_) return choose_built_in(name_, settings);
+  NonlinearFile read = nonlinear ? file_->nonlinear(settings) : NonlinearFile{file_->linear(settings), {}};
   SceneFile& file = read.file;
   if (!settings.empty()) file.reference.reset();  // it is valid for the parameters of the file
   return {std::move(file.scene),
@@ -70,32 +94,27 @@ SceneChoice choose_file(const std::string& name, const ParameterValues& settings
           read.system ? std::make_shared<const NonlinearScene>(std::move(*read.system)) : nullptr};
 }
 
-}  // namespace
+Index SceneSource::sources() const { return file_ ? file_->sources() : 0; }
+
+SceneChoice SceneSource::initial_value_scene(const ParameterValues& settings) {
+  SceneChoice choice = with(settings);
+  if (choice.scene.boundary)
+    throw Error("SCENE",
+                fmt::format("{} has boundary values, and this study compares methods for initial values", name_),
+                "use bench galerkin, or another scene");
+  return choice;
+}
 
 SceneChoice choose_scene(const std::string& name, const ParameterValues& settings) {
-  if (looks_like_file(name)) return choose_file(name, settings, false);
-  const SceneRecipe& recipe = find_recipe(name);
-  check_keys(recipe, settings);
-  SceneChoice choice{make_scene(name, settings), settings, "none", std::nullopt, std::nullopt};
-  for (const SceneParameter& parameter : recipe.parameters) choice.parameters.emplace(parameter.name, parameter.value);
-  // Of two parameters that replace each other, only the given one is kept.
-  for (const SceneParameter& parameter : recipe.parameters)
-    if (!parameter.replaces.empty())
-      choice.parameters.erase(settings.contains(parameter.name) ? parameter.replaces : parameter.name);
-  return choice;
+  return SceneSource(name).with(settings);
 }
 
 SceneChoice choose_scene_or_system(const std::string& name, const ParameterValues& settings) {
-  return looks_like_file(name) ? choose_file(name, settings, true) : choose_scene(name, settings);
+  return SceneSource(name).scene_or_system(settings);
 }
 
 SceneChoice choose_initial_value_scene(const std::string& name, const ParameterValues& settings) {
-  SceneChoice choice = choose_scene(name, settings);
-  if (choice.scene.boundary)
-    throw Error("SCENE",
-                fmt::format("{} has boundary values, and this study compares methods for initial values", name),
-                "use bench galerkin, or another scene");
-  return choice;
+  return SceneSource(name).initial_value_scene(settings);
 }
 
 std::string describe(const ParameterValues& parameters) {

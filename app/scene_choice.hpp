@@ -5,9 +5,14 @@
 #include "files/scene_file.hpp"
 
 #include <filesystem>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
+
+namespace bromwich {
+class SceneReader;
+}
 
 namespace bromwich::app {
 
@@ -23,6 +28,28 @@ struct SceneChoice {
   std::vector<std::filesystem::path> inputs = {};           ///< the files that were read
   std::optional<Rectangle> rectangle = {};                  ///< of a file with [kronecker]
   std::shared_ptr<const NonlinearScene> system = {};  ///< of a file with [nonlinear], whose linear part is `scene`
+};
+
+/// A built-in scene or a TOML file, for many settings: the file is read once. Not for several threads at once.
+class SceneSource {
+ public:
+  /// As choose_scene, for what is wrong with any settings.
+  explicit SceneSource(const std::string& name);
+  ~SceneSource();
+  /// As choose_scene.
+  SceneChoice with(const ParameterValues& settings) { return choice(settings, false); }
+  /// As choose_scene_or_system.
+  SceneChoice scene_or_system(const ParameterValues& settings) { return choice(settings, true); }
+  /// As choose_initial_value_scene.
+  SceneChoice initial_value_scene(const ParameterValues& settings);
+  /// As SceneReader::sources; 0 for a built-in scene.
+  Index sources() const;
+
+ private:
+  SceneChoice choice(const ParameterValues& settings, bool nonlinear);
+
+  std::string name_;
+  std::unique_ptr<SceneReader> file_;  ///< null for a built-in scene
 };
 
 /// A built-in scene or a TOML file. Throws Error for an unknown name, for an unknown parameter (with the nearest known

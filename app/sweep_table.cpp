@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <iterator>
 #include <utility>
 
 namespace bromwich::app {
@@ -35,20 +36,82 @@ void check_sweep_arguments(const SolveArguments& arguments, const ParameterValue
       throw Error("--out", fmt::format("'{}' is an input of the scene", arguments.out), "choose another file");
 }
 
-std::string csv_number(double value) {
-  return std::isnan(value) ? "nan" : fmt::format("{}", value + 0.0);  // -0 becomes 0
+namespace {
+
+constexpr Index scenes_together = 64;  ///< of one thread
+
+void add_number(std::string& text, double value) {
+  text += ',';
+  if (std::isnan(value))
+    text += "nan";
+  else
+    fmt::format_to(std::back_inserter(text), "{}", value + 0.0);  // -0 becomes 0
 }
 
-std::string csv_text(std::string text) {
-  for (std::size_t at = 0; (at = text.find('"', at)) != std::string::npos; at += 2) text.insert(at, 1, '"');
-  return '"' + text + '"';
+// A cell with any characters.
+void add_text(std::string& text, const std::string& cell) {
+  text += ",\"";
+  for (const char c : cell) text.append(c == '"' ? 2 : 1, c);
+  text += '"';
 }
 
-Vector values_of(const BatchResult& result, const std::vector<Index>& states, const Column& c, Index place) {
-  if (c.kind == ColumnKind::y) return result.of(result.y, place).col(c.component);
-  if (c.kind == ColumnKind::w) return result.of(result.w, place).col(c.component);
-  const auto found = std::find(states.begin(), states.end(), c.component);
-  return result.of(result.x, place).col(found - states.begin());
+}  // namespace
+
+SweepTable::SweepTable(const Sweep& sweep, std::vector<Column> columns, std::vector<Index> states,
+                       std::vector<double> times)
+    : sweep_(sweep), columns_(std::move(columns)), states_(std::move(states)), times_(std::move(times)) {}
+
+std::string SweepTable::header() const {
+  const bool at = !times_.empty();
+  std::string text = "scene";
+  for (const std::string& name : sweep_.names) text += "," + name;
+  text += at ? ",t,status,residual" : ",status,residual";
+  for (const Column& c : columns_) text += at ? "," + c.name : fmt::format(",{0}(T),max|{0}|", c.name);
+  return text + ",reason,warning\n";
+}
+
+std::string SweepTable::rows(const SceneBlock& block, const BatchResult& result, const std::vector<Index>& places,
+                             const HostThreads& threads) const {
+  std::vector<std::string> parts(std::size_t((block.count + scenes_together - 1) / scenes_together));
+  share(threads, Index(parts.size()), 1, [&](Index begin, Index end) {
+    for (Index p = begin; p < end; ++p)
+      for (Index i = p * scenes_together; i < std::min(block.count, (p + 1) * scenes_together); ++i)
+        for (Index at = 0; at < std::max<Index>(1, Index(times_.size())); ++at)
+          add_row(parts[std::size_t(p)], block, i, result, places[std::size_t(i)], at);
+  });
+  std::string all;
+  for (const std::string& part : parts) all += part;
+  return all;
+}
+
+void SweepTable::add_row(std::string& text, const SceneBlock& block, Index scene, const BatchResult& result,
+                         Index place, Index at) const {
+  const std::size_t i = std::size_t(scene);
+  fmt::format_to(std::back_inserter(text), "{}", block.first + scene);
+  for (Index c = 0; c < sweep_.values.cols(); ++c) add_number(text, sweep_.values(block.first + scene, c));
+  if (!times_.empty()) add_number(text, times_[std::size_t(at)]);
+  text += "," + block.status[i];
+  add_number(text, place < 0 ? NAN : result.residual[place]);
+  for (const Column& c : columns_) add_values(text, result, c, place, at);
+  add_text(text, block.reason[i]);
+  add_text(text, block.warning[i]);
+  text += '\n';
+}
+
+// At one time, or at T with the largest size.
+void SweepTable::add_values(std::string& text, const BatchResult& result, const Column& c, Index place,
+                            Index at) const {
+  const bool one_row = times_.empty();
+  if (place < 0) {
+    for (int k = 0; k < (one_row ? 2 : 1); ++k) add_number(text, NAN);
+    return;
+  }
+  const RowMatrix& all = c.kind == ColumnKind::y ? result.y : c.kind == ColumnKind::w ? result.w : result.x;
+  const Index column =
+      c.kind == ColumnKind::x ? std::find(states_.begin(), states_.end(), c.component) - states_.begin() : c.component;
+  const auto values = result.of(all, place).col(column);
+  add_number(text, values[one_row ? values.size() - 1 : at]);
+  if (one_row) add_number(text, values.cwiseAbs().maxCoeff<Eigen::PropagateNaN>());
 }
 
 }  // namespace bromwich::app

@@ -1,8 +1,10 @@
 #pragma once
-// The table of a sweep: what may be asked of it, and its entries.
+// The table of a sweep: what may be asked of it, and its rows.
 
 #include "app/columns.hpp"
 #include "app/commands.hpp"
+#include "app/scene_blocks.hpp"
+#include "core/base/threads.hpp"
 #include "core/batch/batch.hpp"
 #include "core/catalogue/catalogue.hpp"
 #include "files/sweep.hpp"
@@ -15,10 +17,24 @@ namespace bromwich::app {
 /// Throws Error for options that a sweep does not take, and for files of --out that it cannot write.
 void check_sweep_arguments(const SolveArguments&, const ParameterValues& settings, const Sweep&);
 
-std::string csv_number(double value);    ///< of a CSV file
-std::string csv_text(std::string text);  ///< likewise, a cell with any characters
+/// A CSV file: one row for each scene, or for each scene and time.
+class SweepTable {
+ public:
+  /// `states`: of the components in the results. `times`: of the rows of a scene; empty for one row.
+  SweepTable(const Sweep&, std::vector<Column>, std::vector<Index> states, std::vector<double> times);
 
-/// A column of one scene, a row for each time; `place`: the number of the scene in the result.
-Vector values_of(const BatchResult&, const std::vector<Index>& states, const Column&, Index place);
+  std::string header() const;
+  /// Of a block with its statuses. `places`: of its scenes in the result; -1 for one that was not read.
+  std::string rows(const SceneBlock&, const BatchResult&, const std::vector<Index>& places, const HostThreads&) const;
+
+ private:
+  void add_row(std::string& text, const SceneBlock&, Index scene, const BatchResult&, Index place, Index at) const;
+  void add_values(std::string& text, const BatchResult&, const Column&, Index place, Index at) const;
+
+  const Sweep& sweep_;
+  std::vector<Column> columns_;
+  std::vector<Index> states_;
+  std::vector<double> times_;
+};
 
 }  // namespace bromwich::app

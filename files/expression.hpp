@@ -9,6 +9,7 @@
 #include "core/base/types.hpp"
 #include "core/catalogue/catalogue.hpp"
 #include "files/formula.hpp"
+#include "files/kept_values.hpp"
 #include "files/switch_times.hpp"
 
 #include <map>
@@ -22,6 +23,14 @@ namespace bromwich {
 /// "sin", "cos", ...: every function that an expression may call.
 std::vector<std::string> expression_functions();
 
+/// The switch times of one text, and the operations that were spent on them.
+struct SwitchSearch {
+  SwitchTimes found;
+  long work = 0;
+};
+/// Those of several texts; not complete where they took too many operations together.
+SwitchTimes together(const std::vector<SwitchSearch>&);
+
 /// Makes numbers and functions of time from text. `where` is the argument of every Error: "rlcd.toml:7: dynamics.A".
 class Expressions {
  public:
@@ -29,6 +38,11 @@ class Expressions {
   ~Expressions();
   Expressions(const Expressions&) = delete;
   Expressions& operator=(const Expressions&) = delete;
+
+  /// Forgets parameters and definitions, which another scene of the file may define otherwise.
+  void begin_scene();
+  /// Values that are made from expressions; those of one scene serve the next.
+  KeptValues& kept() const;
 
   /// Throws if `name` is not an identifier, is t, pi or a function, or is already defined.
   void define(const std::string& name, double value, const std::string& where);
@@ -57,6 +71,8 @@ class Expressions {
 
   /// The times in [0, T] at which one of the texts of `in_full` may jump or have a kink.
   SwitchTimes switch_times(const std::vector<std::string>& texts, double T) const;
+  /// The same of one text.
+  SwitchSearch switch_search(const std::string& text, double T) const;
 
  private:
   void require_new(const std::string& name, const std::string& where) const;

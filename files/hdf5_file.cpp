@@ -20,7 +20,6 @@ constexpr Index values_per_chunk = 1 << 17;  ///< 1 MiB: large enough for the di
 constexpr Index values_per_flush = 1 << 19;  ///< 4 MiB
 constexpr Index fewest_rows_per_chunk = 1;
 constexpr Index most_rows_per_chunk = 1 << 12;  ///< chunks of narrow results, which are rewritten when they grow
-constexpr unsigned compression = 1;             ///< of 9: higher levels cost time and save little after the shuffle
 constexpr unsigned fewest_index_entries = 32, most_index_entries = 4096;  ///< half of a node of the index of chunks
 
 /// Once, before anything else of the library: no messages of its own, and no flush at the end of the process.

@@ -96,6 +96,8 @@ class File {
 
 using Shape = std::vector<hsize_t>;
 
+inline constexpr unsigned compression = 1;  ///< of 9: higher levels cost time and save little after the shuffle
+
 /// Attributes of a file, group or dataset; an existing one is replaced.
 void set_attribute(File&, hid_t object, const std::string& name, const std::string& value);  ///< UTF-8
 void set_attribute(File&, hid_t object, const std::string& name, double value);

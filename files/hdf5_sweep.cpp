@@ -1,4 +1,5 @@
 #include "core/base/error.hpp"
+#include "files/hdf5_chunks.hpp"
 #include "files/hdf5_file.hpp"
 #include "files/sweep_file.hpp"
 
@@ -6,6 +7,8 @@
 
 #include <algorithm>
 #include <numeric>
+#include <optional>
+#include <utility>
 
 namespace bromwich {
 
@@ -41,22 +44,25 @@ class Hdf5Sweep : public SweepFile {
     add_texts("state_name", state_names(columns), state_);
   }
 
-  void append(const SweepRows& rows) override {
+  void append(const SweepRows& rows, const HostThreads& threads) override {
     const Index count = rows.residual.size();
-    for (std::size_t c = 0; c < parameters_.size(); ++c) {
-      const Vector values = rows.parameters.col(Index(c));
-      add(parameters_[c], count, values.data());
+    for (Growing& one : parameters_) {
+      const Vector values = rows.parameters.col(Index(&one - parameters_.data()));
+      one.rows->append(file_, values.data(), count, threads);
     }
-    add(residual_, count, rows.residual.data());
-    add(y_, count, rows.y.data());
-    add(w_, count, rows.w.data());
-    add(x_, count, rows.x.data());
-    done_ += count;
+    for (const auto& [one, values] : {std::pair(&residual_, rows.residual.data()),
+                                      {&y_, rows.y.data()},
+                                      {&w_, rows.w.data()},
+                                      {&x_, rows.x.data()}})
+      if (one->rows) one->rows->append(file_, values, count, threads);
     file_.flush();
   }
 
   void finish(const std::vector<std::string>& status, const std::vector<std::string>& reason,
               const std::vector<std::string>& warning, const Facts& facts) override {
+    for (Growing& one : parameters_) one.rows->finish(file_);
+    for (Growing* one : {&residual_, &y_, &w_, &x_})
+      if (one->rows) one->rows->finish(file_);
     add_texts("status", status, scene_);
     add_texts("reason", reason, scene_);
     add_texts("warning", warning, scene_);
@@ -65,6 +71,12 @@ class Hdf5Sweep : public SweepFile {
   }
 
  private:
+  /// Nothing where a file has no such values.
+  struct Growing {
+    Handle dataset;
+    std::optional<ChunkedRows> rows;
+  };
+
   Handle scale(const std::string& name, hid_t type, std::size_t size, const void* values) {
     Handle made = fixed_dataset(file_, file_, name, type, {hsize_t(size)}, values);
     file_.checked(H5DSset_scale(made, name.c_str()));
@@ -72,7 +84,7 @@ class Hdf5Sweep : public SweepFile {
   }
 
   // One value, or rows, per scene.
-  Handle variable(const std::string& name, const Shape& shape, Handle* last) {
+  Growing variable(const std::string& name, const Shape& shape, Handle* last) {
     Index width = 1;
     for (const hsize_t length : shape) width *= std::max<Index>(1, Index(length));
     Handle made = growing_dataset(file_, file_, name, H5T_IEEE_F64LE, shape,
@@ -83,7 +95,8 @@ class Hdf5Sweep : public SweepFile {
       file_.checked(H5DSattach_scale(made, *last, 2));
       set_attribute(file_, made, "coordinates", coordinates_);
     }
-    return made;
+    ChunkedRows rows(file_, made);
+    return {std::move(made), std::move(rows)};
   }
 
   void add_texts(const std::string& name, const std::vector<std::string>& texts, const Handle& of) {
@@ -91,15 +104,12 @@ class Hdf5Sweep : public SweepFile {
     file_.checked(H5DSattach_scale(made, of, 0));
   }
 
-  void add(Handle& dataset, Index count, const double* values) {
-    if (dataset >= 0) append_rows(file_, dataset, H5T_NATIVE_DOUBLE, done_, count, values);
-  }
-
   File file_;
-  Index rows_, done_ = 0;
+  Index rows_;
   std::string coordinates_;
-  Handle scene_, t_, constraint_, state_, residual_, y_, w_, x_;
-  std::vector<Handle> parameters_;
+  Handle scene_, t_, constraint_, state_;
+  Growing residual_, y_, w_, x_;
+  std::vector<Growing> parameters_;
 };
 
 }  // namespace

@@ -23,9 +23,12 @@ std::optional<NonlinearScene> read_nonlinear(const Sections& s, const Scene& lin
   };
   read("phi", system.seen(), system.phi, system.dphi);
   read("gamma", linear.constraints(), system.gamma, system.dgamma);
-  auto where = places(s);
-  where["dynamics"] = where["boundary"] = where["phi"] = section.where("phi");
-  in_the_file(where, [&] { system.validate(); });
+  const auto in_section = [&] {
+    Places where = places(s);
+    where["dynamics"] = where["boundary"] = where["phi"] = section.where("phi");
+    return where;
+  };
+  in_the_file(in_section, [&] { system.validate(); });
   return system;
 }
 

@@ -37,10 +37,12 @@ Matrix read_number_table(const std::string& text, const std::string& name);
 struct TimeTable {
   Vector t;  ///< ascending; a time given twice is a jump from the values of its first row to those of its second
   RowMatrix values;  ///< t.size() x entries
+  std::string end;   ///< of the file, for messages
 };
-/// Throws if the header is wrong, if the times do not ascend from at most 0 to at least `last_time`, or if a time is
-/// given three times.
-TimeTable read_time_table(const std::string& text, const std::string& name, char letter, double last_time);
+/// Throws if the header is wrong, if the times do not ascend from at most 0 on, or if a time is given three times.
+TimeTable read_time_table(const std::string& text, const std::string& name, char letter);
+/// Throws if the times end before `last_time`.
+void require_times_until(const TimeTable&, double last_time);
 
 /// Piecewise linear in t, constant before the first and after the last time; continuous from the right at jumps.
 TimeFunction interpolate(TimeTable table);

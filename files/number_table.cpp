@@ -109,7 +109,7 @@ Matrix read_number_table(const std::string& text, const std::string& name) {
   return as_matrix(values, columns);
 }
 
-TimeTable read_time_table(const std::string& text, const std::string& name, char letter, double last_time) {
+TimeTable read_time_table(const std::string& text, const std::string& name, char letter) {
   LineReader lines(text, name);
   const std::size_t columns = read_header(lines, letter) + 1;
   std::vector<double> values;
@@ -129,11 +129,15 @@ TimeTable read_time_table(const std::string& text, const std::string& name, char
     previous = t;
   }
   if (values.empty()) throw Error(lines.place(), "the file holds no times", "give one line per time");
-  if (previous < last_time - rounding * std::abs(last_time))
-    throw Error(lines.place(), fmt::format("the times end at {}, before T = {}", previous, last_time),
-                "go on to T or shorten the time");
   const RowMatrix table = as_matrix(values, columns);
-  return {table.col(0), table.rightCols(table.cols() - 1)};
+  return {table.col(0), table.rightCols(table.cols() - 1), lines.place()};
+}
+
+void require_times_until(const TimeTable& table, double last_time) {
+  const double last = table.t[table.t.size() - 1];
+  if (last < last_time - rounding * std::abs(last_time))
+    throw Error(table.end, fmt::format("the times end at {}, before T = {}", last, last_time),
+                "go on to T or shorten the time");
 }
 
 TimeFunction interpolate(TimeTable table) {

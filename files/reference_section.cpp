@@ -10,7 +10,6 @@
 
 #include <fmt/format.h>
 
-#include <map>
 #include <tuple>
 #include <vector>
 
@@ -70,9 +69,12 @@ std::shared_ptr<const QuantityOfInterest> read_quantity(const Section& section, 
   q.c = c.function;
   q.exact = section.optional_number("exact");
   std::shared_ptr<const QuantityOfInterest> quantity;
-  std::map<std::string, std::string> in_quantity;
-  for (const char* key : {"W", "end_W", "end_c"}) in_quantity[key] = section.where(key);
-  in_quantity["quantity"] = section.where("W");
+  const auto in_quantity = [&] {
+    Places where;
+    for (const char* key : {"W", "end_W", "end_c"}) where[key] = section.where(key);
+    where["quantity"] = section.where("W");
+    return where;
+  };
   in_the_file(in_quantity, [&] { quantity = quadratic_quantity(q, scene.states()); });
   return quantity;
 }

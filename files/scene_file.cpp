@@ -1,339 +1,44 @@
 #include "files/scene_file.hpp"
 
 #include "core/base/error.hpp"
-#include "core/result/result.hpp"
-#include "core/scene/port_hamiltonian.hpp"
-#include "core/scene/relay.hpp"
 #include "files/include.hpp"
 #include "files/names.hpp"
-#include "files/nonlinear_file.hpp"
 #include "files/nonlinear_section.hpp"
 #include "files/reference_section.hpp"
+#include "files/scene_draft.hpp"
 #include "files/scene_matrices.hpp"
-#include "files/sections.hpp"
+#include "files/scene_reader.hpp"
 #include "files/words.hpp"
 
 #include <fmt/format.h>
 
-#include <algorithm>
-#include <cmath>
-#include <limits>
-#include <set>
+#include <utility>
 
 namespace bromwich {
 
-namespace {
+/// Sections have pointers to the document and the table.
+struct SceneReader::File {
+  Document document;
+  toml::table root;
+  Sections sections;
+  std::vector<std::filesystem::path> path;  ///< of the file, or none
+  Index sources = 0;                        ///< of the last scene
 
-LcpClass lcp_class(const Section& complementarity) {
-  return *lcp_class_named(complementarity.word("class", lcp_class_names()));
-}
-
-/// f = F phi as a function with one entry per state.
-TimeFunction spread(const SparseMatrix& F, const TimeFunction& phi) {
-  return [F, phi](double t, Eigen::Ref<Vector> f) {
-    Vector sources(F.cols());
-    phi(t, sources);
-    f = F * sources;
-  };
-}
-
-LcpMatrix matrix_M(const Sections& s, Index n) {
-  return lcp_matrix(s.complementarity.matrix("M", n, n), s.complementarity.where("M"));
-}
-
-Scene complementarity_scene(const Sections& s) {
-  Scene scene;
-  if (!s.kronecker.given()) {
-    scene.dynamics = read_dynamics(s);
-    scene.M = matrix_M(s, scene.constraints());
-    if (!s.boundary.given()) scene.x0 = s.dynamics.vector("x0", scene.states());
-  } else {
-    const Rectangle r = read_rectangle(s);
-    scene.dynamics = r;
-    if (!r.written_out) scene.f_entry = SourceEntry::through_B;
-    const MatrixValue M = s.complementarity.matrix("M", scene.constraints(), scene.constraints());
-    const std::string where = s.complementarity.where("M");
-    const MatrixValue of_all = of_each_side(M, r, where);
-    // A stencil on the side of a box is one as a sparse matrix.
-    scene.M = r.beside.empty() ? lcp_matrix(of_all, where, 1) : SparseLcpMatrix(sparse_value(of_all));
-    if (!s.boundary.given()) scene.x0 = s.dynamics.vector("x0", scene.states(), r.across.points);
-  }
-  scene.lcp_class = lcp_class(s.complementarity);
-  return scene;
-}
-
-/// A scene under construction, and the switch times of its sources.
-struct Draft {
-  Scene scene;
-  SwitchTimes switches;
-
-  void note(const FunctionValue& source) {
-    switches.times.insert(switches.times.end(), source.switches.times.begin(), source.switches.times.end());
-    switches.complete = switches.complete && source.switches.complete;
-  }
+  File(std::string_view toml, const std::string& name, const std::filesystem::path& folder)
+      : document{name},
+        root(read_with_includes(document, toml, folder / std::filesystem::path(name).filename())),
+        sections(read_sections(document, root)) {}
 };
 
-PortHamiltonian read_port(const Section& section, double T, Draft& draft) {
-  const auto matrix = [&](const char* key) {
-    return section.has(key) ? sparse_value(section.matrix(key)) : SparseMatrix();
-  };
-  PortHamiltonian port{
-      matrix("E"), sparse_value(section.matrix("J")), sparse_value(section.matrix("R")), matrix("Q"), matrix("B"), {},
-      {}};
-  if (section.has("u") && !section.has("B"))
-    throw Error(section.where("B"), "is missing beside u", "give m rows and one column per entry of u");
-  const FunctionValue u = section.function("u", T, port.ports());
-  require_entries(u, port.ports(), section.where("u"), "one per column of B");
-  port.u = u.function;
-  draft.note(u);
-  if (section.has("jumps")) {
-    const Vector jumps = section.vector("jumps");
-    port.jumps.assign(jumps.begin(), jumps.end());
-    draft.note({{}, 0, {port.jumps, true}});
-  }
-  return port;
-}
+namespace {
 
-/// E x' = (J - R) Q x + B u, with or without complementarity: y enters by dynamics.B.
-Scene port_scene(const Sections& s, Draft& draft) {
-  for (const char* key : {"A", "E", "f", "F", "x0"})
-    if (s.dynamics.has(key))
-      throw Error(s.dynamics.where(key), "is given with a section [port]",
-                  "leave it out: E, J, R, Q, B, u and x0 of [port] say it");
-  for (const Section* other : {&s.relay, &s.boundary})
-    if (other->given())
-      throw Error(other->where(other == &s.relay ? "C" : "b"), "is given with [port]", "leave it out");
-  const PortHamiltonian port = read_port(s.port, draft.scene.T, draft);
-  std::map<std::string, std::string> in_port = places(s);
-  for (const char* key : {"E", "J", "R", "Q", "B", "x0"}) in_port[key] = s.port.where(key);
-  in_port["Q^T E"] = s.port.where("Q");
-  Scene scene;
-  in_the_file(in_port, [&] {
-    scene = make_scene(port, s.port.vector("x0"), draft.scene.T);
-    scene.validate();
-  });
-  if (!s.complementarity.given()) {
-    if (s.dynamics.given())
-      throw Error(s.dynamics.where("B"), "is given without [complementarity]", "add N and M there, or leave it out");
-    return scene;
-  }
-  const MatrixValue B = s.dynamics.matrix("B"), N = s.complementarity.matrix("N", columns(B), scene.states());
-  if (auto* sparse = get_if<SparseDynamics>(&scene.dynamics)) {
-    sparse->B = sparse_value(B);
-    sparse->N = sparse_value(N);
-  } else {
-    auto& dense = get<DenseDynamics>(scene.dynamics);
-    dense.B = dense_value(B, s.dynamics.where("B"));
-    dense.N = dense_value(N, s.complementarity.where("N"));
-  }
-  scene.M = matrix_M(s, scene.constraints());
-  scene.lcp_class = lcp_class(s.complementarity);
-  return scene;
-}
+constexpr const char* incomplete_switches =
+    "not all times at which a source jumps or has a kink were found: its expressions switch too often; declare them as "
+    "jumps in [time]";
 
-Scene relay_scene(const Sections& s, Draft& draft) {
-  for (const Section* other : {&s.complementarity, &s.kronecker})
-    if (other->given())
-      throw Error(s.relay.where("C"),
-                  fmt::format("found [relay] and {}", other == &s.kronecker ? "[kronecker]" : "[complementarity]"),
-                  "give one of the two");
-  const auto dense = [](const Section& section, const char* key, Index rows = 0, Index columns = 0) {
-    return dense_value(section.matrix(key, rows, columns), section.where(key));
-  };
-  const Matrix A = dense(s.dynamics, "A"), B = dense(s.dynamics, "B");
-  const Index m = A.rows();
-  const Matrix C = dense(s.relay, "C", m, m);
-  const FunctionValue e = s.relay.function("e", draft.scene.T, C.rows());
-  require_entries(e, C.rows(), s.relay.where("e"), "one per row of C");
-  draft.note(e);
-  const Vector x0 = s.boundary.given() ? Vector(Vector::Zero(m)) : s.dynamics.vector("x0", m);
-  Scene scene;
-  // The sources of the states follow when their lengths have been checked.
-  in_the_file(places(s), [&] { scene = bromwich::relay_scene(A, B, C, {}, x0, e.function); });
-  if (s.dynamics.has("E")) get<DenseDynamics>(scene.dynamics).E = dense(s.dynamics, "E", m, m);
-  if (s.boundary.given()) scene.x0 = {};
-  return scene;
-}
-
-/// Adds f of the file to the f of a relay.
-void add_f(const Sections& s, Draft& draft) {
-  Scene& scene = draft.scene;
-  const SparseMatrix F = s.dynamics.has("F") ? sparse_value(s.dynamics.matrix("F")) : SparseMatrix();
-  const FunctionValue f = s.dynamics.function("f", scene.T, s.dynamics.has("F") ? F.cols() : scene.sources());
-  draft.note(f);
-  const TimeFunction brought = std::exchange(scene.f, {});  // it has one entry per state, f may have fewer
-  if (s.dynamics.has("F")) {
-    if (!f.function) throw Error(s.dynamics.where("F"), "is given without f", "add f with one entry per column of F");
-    scene.F = F;
-    scene.f_entry = SourceEntry::through_F;
-    require_entries(f, scene.F.cols(), s.dynamics.where("f"), "one per column of F");
-    in_the_file(places(s), [&] { scene.validate(); });
-  } else {
-    const bool by_line = scene.f_entry == SourceEntry::through_B;
-    require_entries(f, scene.sources(), s.dynamics.where("f"), by_line ? "one per line: B f(t)" : "one per state");
-  }
-  if (!f.function || !s.relay.given()) {
-    scene.f = f.function ? f.function : brought;
-    return;
-  }
-  const TimeFunction entering = s.dynamics.has("F") ? spread(scene.F, f.function) : f.function;
-  scene.f_entry = SourceEntry::state;
-  scene.F = {};
-  scene.f = [entering, brought, m = scene.states()](double t, Eigen::Ref<Vector> value) {
-    Vector own(m);
-    entering(t, own);
-    brought(t, value);
-    value += own;
-  };
-}
-
-void add_g(const Sections& s, Draft& draft) {
-  Scene& scene = draft.scene;
-  const FunctionValue g = s.complementarity.function("g", scene.T, scene.constraints());
-  require_entries(g, scene.constraints(), s.complementarity.where("g"), "one per constraint");
-  if (g.function) scene.g = g.function;
-  draft.note(g);
-}
-
-void add_exact(const Section& section, Scene& scene) {
-  if (!section.given()) return;
-  const FunctionValue x = section.expressions("x", scene.states()), y = section.expressions("y", scene.constraints());
-  if (!x.function && !y.function) throw Error(section.where("x"), "found neither x nor y", "give one of them or both");
-  require_entries(x, scene.states(), section.where("x"), "one per state");
-  require_entries(y, scene.constraints(), section.where("y"), "one per constraint");
-  scene.exact = [x, y](double t, Eigen::Ref<Vector> x_value, Eigen::Ref<Vector> y_value) {
-    x_value.setConstant(std::numeric_limits<double>::quiet_NaN());
-    y_value.setConstant(std::numeric_limits<double>::quiet_NaN());
-    if (x.function) x.function(t, x_value);
-    if (y.function) y.function(t, y_value);
-  };
-}
-
-/// E0 x(0) + ET x(T) = b instead of x0; an omitted matrix is zero.
-void add_boundary(const Sections& s, Scene& scene) {
-  const Section& section = s.boundary;
-  if (!section.given()) return;
-  if (s.dynamics.has("x0"))
-    throw Error(s.dynamics.where("x0"), "is given with a section [boundary]", "give one of the two");
-  if (!section.has("E0") && !section.has("ET"))
-    throw Error(section.where("E0"), "found neither E0 nor ET", "give one of them or both");
-  const Index m = scene.states();
-  if (m > largest_dense)
-    throw Error(section.where("E0"), fmt::format("the scene has {} states", m),
-                fmt::format("boundary values are for {} states at most", largest_dense));
-  const auto end = [&](const char* key) {
-    return section.has(key) ? dense_value(section.matrix(key, m, m), section.where(key)) : Matrix(Matrix::Zero(m, m));
-  };
-  scene.boundary = BoundaryCondition{end("E0"), end("ET"), section.vector("b", m)};
-}
-
-void add_free_rows(const Section& section, Scene& scene) {
-  if (!section.given()) return;
-  const Vector rows = section.vector("rows");
-  for (const double row : rows) {
-    if (row != std::floor(row) || std::abs(row) > 1e9)
-      throw Error(section.where("rows"), fmt::format("found {}", row), "give whole numbers; rows are counted from 0");
-    scene.free_rows.push_back(Index(row));
-  }
-}
-
-/// The switch times of the sources and those that the file declares, each once.
-void add_breakpoints(const Sections& s, Draft& draft) {
-  Scene& scene = draft.scene;
-  if (s.time.has("jumps")) {
-    const Vector declared = s.time.vector("jumps");
-    for (const double t : declared)
-      if (!(t >= 0 && t <= scene.T))
-        throw Error(s.time.where("jumps"), fmt::format("found {}", t),
-                    fmt::format("give times from 0 to T = {}", scene.T));
-    draft.note({{}, 0, {{declared.begin(), declared.end()}, true}});
-  }
-  std::vector<double>& times = draft.switches.times;
-  std::erase_if(times, [&](double t) { return !(t >= 0 && t <= scene.T); });
-  std::sort(times.begin(), times.end());
-  times.erase(std::unique(times.begin(), times.end()), times.end());
-  scene.breakpoints = times;
-  scene.breakpoints_are_all = draft.switches.complete;
-}
-
-void check_names(const Section& section, const Labels& names) {
-  std::set<std::string> seen{"t", "all", "none"};
-  for (const auto& [key, list] : {std::pair("x", &names.x), std::pair("y", &names.y), std::pair("w", &names.w)})
-    for (std::size_t i = 0; i < list->size(); ++i) {
-      const std::string& name = (*list)[i];
-      if (name.empty() || name.find_first_of(",\"'#=") != std::string::npos)
-        throw Error(section.where(key), fmt::format("found '{}'", name),
-                    "give names without commas, quotes, # and =: they are headers of columns");
-      const bool numbered = (name[0] == 'x' || name[0] == 'y' || name[0] == 'w') && name.size() > 1 &&
-                            name.find_first_not_of("0123456789", 1) == std::string::npos;
-      if (numbered && name != key + std::to_string(i))
-        throw Error(section.where(key), fmt::format("found '{}' for component {}", name, i),
-                    "choose another name: x, y or w with a number is a component without a name");
-      if (!seen.insert(name).second)
-        throw Error(section.where(key), fmt::format("'{}' is taken", name), "give every component a name of its own");
-    }
-}
-
-void add_labels(const Sections& s, Scene& scene) {
-  const auto labels = [&](const Section& section) {
-    return Labels{section.texts("x", scene.states()), section.texts("y", scene.constraints()),
-                  section.texts("w", scene.constraints())};
-  };
-  scene.names = labels(s.names);
-  scene.units = labels(s.units);
-  scene.time_unit = s.units.text("t", "");
-  check_names(s.names, scene.names);
-}
-
-Index whole_steps(const std::string& where, double value) {
-  constexpr double largest = 1 << 24;
-  if (value != std::floor(value) || value < 1 || value > largest)
-    throw Error(where, fmt::format("steps is {}", value), fmt::format("give a whole number from 1 to {}", largest));
-  return Index(value);
-}
-
-/// `settings`: T and steps, in place of those of the file.
-Draft build(const Sections& s, const ParameterValues& settings) {
-  Draft draft;
-  Scene& scene = draft.scene;
-  const auto final_time = [&] { return settings.contains("T") ? settings.at("T") : s.time.number("T"); };
-  if (s.port.given() || s.relay.given()) scene.T = final_time();  // their sources are read with their matrices
-  scene = s.port.given() ? port_scene(s, draft) : s.relay.given() ? relay_scene(s, draft) : complementarity_scene(s);
-  add_boundary(s, scene);
-  add_free_rows(s.free, scene);
-  scene.T = final_time();
-  scene.default_steps = s.time.positive_integer("steps", scene.default_steps);
-  if (settings.contains("steps")) scene.default_steps = whole_steps("--set", settings.at("steps"));
-  auto where = places(s);
-  if (settings.contains("T")) where["T"] = "--set";
-  in_the_file(where, [&] { scene.validate(); });
-  if (!s.port.given()) add_f(s, draft);
-  add_g(s, draft);
-  add_breakpoints(s, draft);
-  in_the_file(where, [&] { scene.validate(); });
-  add_exact(s.exact, scene);
-  add_labels(s, scene);
-  return draft;
-}
-
-NonlinearFile parsed(std::string_view toml, const std::string& file_name, const std::filesystem::path& folder,
-                     const ParameterValues& settings) {
-  Document document{file_name};
-  const toml::table root = read_with_includes(document, toml, folder / std::filesystem::path(file_name).filename());
-  const Sections sections = read_sections(document, root);
-  ParameterValues others;
-  read_parameters(document, sections.parameters, settings, others);
-  read_definitions(document, sections.definitions);
-  NonlinearFile read;
-  SceneFile& file = read.file;
-  Draft draft = build(sections, others);
-  file.scene = std::move(draft.scene);
-  if (sections.kronecker.given()) file.rectangle = read_rectangle(sections);
-  if (!draft.switches.complete)
-    file.warning =
-        "not all times at which a source jumps or has a kink were found: its expressions switch too often; declare "
-        "them as jumps in [time]";
-  file.scene.name = sections.top.text("name", std::filesystem::path(file_name).stem().string());
+/// What the file says beside the scene. `set`: some parameters have other values than in the file.
+void add_facts(SceneFile& file, const Document& document, const Sections& sections, bool set) {
+  file.scene.name = sections.top.text("name", std::filesystem::path(document.name).stem().string());
   file.description = sections.top.text("description", "");
   file.parameters = document.expressions.parameters();
   file.states = sections.output.text("states", "none");
@@ -345,44 +50,72 @@ NonlinearFile parsed(std::string_view toml, const std::string& file_name, const 
   try {
     file.reference = read_reference(sections.reference, file.scene);
   } catch (const Error&) {  // it is valid for the parameters of the file, and others may change sizes and T
-    if (settings.empty()) throw;
+    if (!set) throw;
   }
   file.quantity = read_quantity(sections.quantity, file.scene);
-  file.inputs = std::move(document.read);
+}
+
+}  // namespace
+
+SceneReader::SceneReader(const std::filesystem::path& file) {
+  const std::string name = one_line(file.string());
+  file_ = std::make_unique<File>(read_text({name, file}, name), name, file.parent_path());
+  file_->path = {file};
+}
+SceneReader::SceneReader(std::string_view toml, const std::string& file_name, const std::filesystem::path& folder)
+    : file_(std::make_unique<File>(toml, file_name, folder)) {}
+SceneReader::~SceneReader() = default;
+SceneReader::SceneReader(SceneReader&&) noexcept = default;
+SceneReader& SceneReader::operator=(SceneReader&&) noexcept = default;
+
+NonlinearFile SceneReader::nonlinear(const ParameterValues& settings) {
+  auto& [document, root, sections, path, number_of_sources] = *file_;
+  ParameterValues others;
+  document.expressions.begin_scene();
+  read_parameters(document, sections.parameters, settings, others);
+  read_definitions(document, sections.definitions);
+  NonlinearFile read;
+  SceneFile& file = read.file;
+  Draft draft = draft_scene(sections, others);
+  file.scene = std::move(draft.scene);
+  number_of_sources = draft.sources;
+  if (sections.kronecker.given()) file.rectangle = read_rectangle(sections);
+  if (!draft.switches.complete) file.warning = incomplete_switches;
+  add_facts(file, document, sections, !settings.empty());
+  file.inputs = document.read;
+  file.inputs.insert(file.inputs.end(), path.begin(), path.end());
   read.system = read_nonlinear(sections, file.scene);
   return read;
 }
 
-SceneFile linear_alone(NonlinearFile read, const std::string& file_name) {
+Index SceneReader::sources() const { return file_->sources; }
+
+SceneFile SceneReader::linear(const ParameterValues& settings) {
+  NonlinearFile read = nonlinear(settings);
   if (read.system)
-    throw Error(fmt::format("{}: nonlinear", file_name), "the file states a nonlinear system",
+    throw Error(fmt::format("{}: nonlinear", file_->document.name), "the file states a nonlinear system",
                 "use bromwich solve, solve_nonlinear or read_nonlinear_file, or take [nonlinear] out");
   return std::move(read.file);
 }
-
-}  // namespace
 
 bool scene_files_available() { return true; }
 
 NonlinearFile parse_nonlinear(std::string_view toml, const std::string& file_name, const std::filesystem::path& folder,
                               const ParameterValues& settings) {
-  return parsed(toml, file_name, folder, settings);
+  return SceneReader(toml, file_name, folder).nonlinear(settings);
 }
 
 NonlinearFile read_nonlinear_file(const std::filesystem::path& file, const ParameterValues& settings) {
-  const std::string name = one_line(file.string());
-  NonlinearFile found = parsed(read_text({name, file}, name), name, file.parent_path(), settings);
-  found.file.inputs.push_back(file);
-  return found;
+  return SceneReader(file).nonlinear(settings);
 }
 
 SceneFile parse_scene(std::string_view toml, const std::string& file_name, const std::filesystem::path& folder,
                       const ParameterValues& settings) {
-  return linear_alone(parsed(toml, file_name, folder, settings), file_name);
+  return SceneReader(toml, file_name, folder).linear(settings);
 }
 
 SceneFile read_scene_file(const std::filesystem::path& file, const ParameterValues& settings) {
-  return linear_alone(read_nonlinear_file(file, settings), one_line(file.string()));
+  return SceneReader(file).linear(settings);
 }
 
 double constant_expression(const std::string& text, const ParameterValues& names, const std::string& where) {

@@ -1,8 +1,7 @@
 // Replaces the reader if toml++ or muParser was not found.
 
 #include "core/base/error.hpp"
-#include "files/nonlinear_file.hpp"
-#include "files/scene_file.hpp"
+#include "files/scene_reader.hpp"
 #include "files/sweep.hpp"
 #include "files/words.hpp"
 
@@ -28,6 +27,18 @@ SceneFile parse_scene(std::string_view, const std::string& file_name, const std:
   throw Error(file_name, "found a scene file, but this build reads none",
               "install the Debian packages libtomlplusplus-dev and libmuparser-dev and build again");
 }
+
+struct SceneReader::File {};
+SceneReader::SceneReader(const std::filesystem::path& file) { parse_scene({}, file.string()); }
+SceneReader::SceneReader(std::string_view toml, const std::string& file_name, const std::filesystem::path& folder) {
+  parse_scene(toml, file_name, folder);
+}
+SceneReader::~SceneReader() = default;
+SceneReader::SceneReader(SceneReader&&) noexcept = default;
+SceneReader& SceneReader::operator=(SceneReader&&) noexcept = default;
+SceneFile SceneReader::linear(const ParameterValues&) { return {}; }
+NonlinearFile SceneReader::nonlinear(const ParameterValues&) { return {}; }
+Index SceneReader::sources() const { return 0; }
 
 ParameterValues Sweep::settings(Index) const { return {}; }
 

@@ -76,10 +76,12 @@ LcpMatrix lcp_matrix(const MatrixValue& value, const std::string& where, Index s
   return t;
 }
 
-Dynamics read_dynamics(const Sections& s) {
-  const MatrixValue A = s.dynamics.matrix("A");
+namespace {
+
+Dynamics dynamics_of_matrices(const Sections& s) {
+  const MatrixValue& A = s.dynamics.matrix("A");
   const Index m = rows(A);
-  const MatrixValue B = s.dynamics.matrix("B"), N = s.complementarity.matrix("N", columns(B), m);
+  const MatrixValue &B = s.dynamics.matrix("B"), &N = s.complementarity.matrix("N", columns(B), m);
   const bool mass = s.dynamics.has("E");
   const MatrixValue E = mass ? s.dynamics.matrix("E", m, m) : MatrixValue(Matrix());
   if (stays_sparse(A))
@@ -88,8 +90,6 @@ Dynamics read_dynamics(const Sections& s) {
                        dense_value(N, s.complementarity.where("N")),
                        mass ? dense_value(E, s.dynamics.where("E")) : Matrix()};
 }
-
-namespace {
 
 Index points_of(const Section& section, double count) {
   if (count != std::floor(count) || count < 1 || count > most_points)
@@ -192,9 +192,7 @@ Index dimensions_of(const Section& section) {
   return dimensions;
 }
 
-}  // namespace
-
-Rectangle read_rectangle(const Sections& s) {
+Rectangle rectangle_of(const Sections& s) {
   for (const auto& [section, key] :
        {std::pair(&s.dynamics, "A"), {&s.dynamics, "B"}, {&s.dynamics, "E"}, {&s.complementarity, "N"}})
     if (section->has(key))
@@ -212,6 +210,19 @@ Rectangle read_rectangle(const Sections& s) {
   r.written_out = s.dynamics.has("F");
   validate(section, r);
   return r;
+}
+
+}  // namespace
+
+const Rectangle& read_rectangle(const Sections& s) {
+  return s.kronecker.kept("the rectangle", {}, [&] { return rectangle_of(s); });
+}
+
+const Dynamics& read_dynamics(const Sections& s) {
+  return s.dynamics.kept("x' = A x + B y", {}, [&]() -> Dynamics {
+    if (s.kronecker.given()) return read_rectangle(s);
+    return dynamics_of_matrices(s);
+  });
 }
 
 MatrixValue of_each_side(MatrixValue M, const Rectangle& r, const std::string& where) {

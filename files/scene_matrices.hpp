@@ -18,11 +18,11 @@ inline constexpr Index smallest_tridiagonal = 17;  ///< constraints from which a
 /// `smallest`: number of rows from which a tridiagonal matrix is stored as diagonals.
 LcpMatrix lcp_matrix(const MatrixValue&, const std::string& where, Index smallest = smallest_tridiagonal);
 
-/// A, B, N and E.
-Dynamics read_dynamics(const Sections&);
+/// A, B, N and E, or those of the rectangle. It stays as KeptValues says, as the rectangle does.
+const Dynamics& read_dynamics(const Sections&);
 
 /// A rectangle whose first direction is along the side of the constraints, or a line.
-Rectangle read_rectangle(const Sections&);
+const Rectangle& read_rectangle(const Sections&);
 /// M of one side is that of both sides of a rectangle with two.
 MatrixValue of_each_side(MatrixValue M, const Rectangle&, const std::string& where);
 

@@ -11,6 +11,7 @@
 #include <cctype>
 #include <cmath>
 #include <limits>
+#include <set>
 
 namespace bromwich {
 
@@ -85,7 +86,9 @@ const toml::array& Section::require_list(const std::string& key, const std::stri
 }
 
 double Section::number(const toml::node& node, const std::string& key) const {
-  if (const auto* text = node.as_string()) return document_->expressions.number(text->get(), where(node, key));
+  if (const auto* text = node.as_string())
+    return document_->expressions.kept().get(
+        "the number " + text->get(), {}, [&] { return document_->expressions.number(text->get(), where(node, key)); });
   const auto value = node.is_number() ? node.value<double>() : std::nullopt;
   if (!value || !std::isfinite(*value))
     throw Error(where(node, key), "found " + kind(node), "give a finite number, or an expression in quotes");
@@ -129,7 +132,8 @@ std::optional<NumberFile> Section::file(const std::string& key) const {
   if (const std::string found = extension(name); found != ".mtx" && found != ".csv") return std::nullopt;
   const std::string& in = require(key).source().path ? *require(key).source().path : document_->name;
   const std::filesystem::path path = document_->folders.at(in) / name;
-  document_->read.push_back(path);
+  if (std::find(document_->read.begin(), document_->read.end(), path) == document_->read.end())
+    document_->read.push_back(path);
   return NumberFile{path.string(), path};
 }
 
@@ -149,6 +153,10 @@ std::string Section::of_entry(const std::string& key, Index i, std::optional<Ind
 }
 
 Vector Section::vector(const std::string& key, Index size, Index line) const {
+  return kept("the vector " + key, {double(size), double(line)}, [&] { return read_vector(key, size, line); });
+}
+
+Vector Section::read_vector(const std::string& key, Index size, Index line) const {
   if (size > 0 && !file(key) && single_text(key)) {
     Vector values(size);
     for (Index k = 0; k < size; ++k)
@@ -157,7 +165,7 @@ Vector Section::vector(const std::string& key, Index size, Index line) const {
     return values;
   }
   if (file(key)) {
-    const MatrixValue value = matrix(key);
+    const MatrixValue& value = matrix(key);
     if (rows(value) != 1 && columns(value) != 1)
       throw Error(where(key), fmt::format("the file holds a matrix of {} x {}", rows(value), columns(value)),
                   "give a single row or column");
@@ -231,7 +239,11 @@ std::vector<double> Section::partly_known(const std::string& key) const {
   return values;
 }
 
-MatrixValue Section::matrix(const std::string& key, Index rows, Index columns) const {
+const MatrixValue& Section::matrix(const std::string& key, Index rows, Index columns) const {
+  return kept("the matrix " + key, {double(rows), double(columns)}, [&] { return read_matrix(key, rows, columns); });
+}
+
+MatrixValue Section::read_matrix(const std::string& key, Index rows, Index columns) const {
   const auto named = file(key);
   if (!named) {
     const std::string* word = single_text(key);
@@ -266,19 +278,27 @@ Matrix Section::inline_matrix(const std::string& key) const {
 std::string Section::time_expression(const toml::node& node, const std::string& key) const {
   const auto* text = node.as_string();
   if (!text) return fmt::format("({})", number(node, key));
-  return document_->expressions.in_full(text->get(), where(node, key));
+  return document_->expressions.kept().get(
+      "in full " + text->get(), {}, [&] { return document_->expressions.in_full(text->get(), where(node, key)); });
 }
 
 std::string Section::expression(const std::string& key) const { return time_expression(require(key), key); }
 
-std::vector<std::string> Section::texts_in_time(const std::string& key, Index size) const {
-  std::vector<std::string> texts;
-  if (size > 0 && single_text(key)) {
-    for (Index i = 0; i < size; ++i) texts.push_back(document_->expressions.in_full(of_entry(key, i), where(key)));
+const std::vector<std::string>& Section::texts_in_time(const std::string& key, Index size) const {
+  return kept("the texts " + key, {double(size)}, [&] {
+    std::vector<std::string> texts;
+    if (size > 0 && single_text(key)) {
+      for (Index i = 0; i < size; ++i) texts.push_back(document_->expressions.in_full(of_entry(key, i), where(key)));
+      return texts;
+    }
+    for (const toml::node& entry : require_list(key, function_remedy)) texts.push_back(time_expression(entry, key));
     return texts;
-  }
-  for (const toml::node& entry : require_list(key, function_remedy)) texts.push_back(time_expression(entry, key));
-  return texts;
+  });
+}
+
+const TimeFunction& Section::function_of_texts(const std::string& key, Index size) const {
+  return kept("the function " + key, {double(size)},
+              [&] { return document_->expressions.in_time(texts_in_time(key, size)); });
 }
 
 /// As of_entry, with the numbers i of its own variables.
@@ -312,22 +332,38 @@ std::vector<Formula> Section::formulas(const std::string& key, Index size,
 
 FunctionValue Section::expressions(const std::string& key, Index size) const {
   if (!has(key)) return {};
-  const std::vector<std::string> texts = texts_in_time(key, size);
-  return {document_->expressions.in_time(texts), Index(texts.size())};
+  return {function_of_texts(key, size), Index(texts_in_time(key, size).size())};
 }
 
 FunctionValue Section::function(const std::string& key, double last_time, Index size) const {
   if (!has(key)) return {};
   const auto named = file(key);
-  if (!named || extension(named->name) != ".csv") {
-    const std::vector<std::string> texts = texts_in_time(key, size);
-    return {document_->expressions.in_time(texts), Index(texts.size()),
-            document_->expressions.switch_times(texts, last_time)};
-  }
-  TimeTable table = read_time_table(read_text(*named, where(key)), named->name, key.back(), last_time);
-  const Index entries = table.values.cols();
-  std::vector<double> knots = kinks(table, last_time);
-  return {interpolate(std::move(table)), entries, {std::move(knots), true}};
+  if (named && extension(named->name) == ".csv") return tabulated(key, *named, last_time);
+  const SwitchTimes& switches = kept("the switch times of " + key, {double(size), last_time},
+                                     [&] { return switch_times_of_texts(key, last_time, size); });
+  return {function_of_texts(key, size), Index(texts_in_time(key, size).size()), switches};
+}
+
+SwitchTimes Section::switch_times_of_texts(const std::string& key, double last_time, Index size) const {
+  const Expressions& expressions = document_->expressions;
+  if (size > 0 && single_text(key)) return expressions.switch_times(texts_in_time(key, size), last_time);
+  std::vector<SwitchSearch> all;
+  std::set<std::string> seen;
+  for (const toml::node& entry : require_list(key, function_remedy))
+    if (const auto* text = entry.as_string(); text && seen.insert(text->get()).second)
+      all.push_back(expressions.kept().get("the switch times of " + text->get(), {last_time}, [&] {
+        return expressions.switch_search(time_expression(entry, key), last_time);
+      }));
+  return together(all);
+}
+
+FunctionValue Section::tabulated(const std::string& key, const NumberFile& named, double last_time) const {
+  const TimeTable& table = kept("the table " + key, {},
+                                [&] { return read_time_table(read_text(named, where(key)), named.name, key.back()); });
+  require_times_until(table, last_time);
+  const auto& kinks_of_table = kept("the kinks of " + key, {last_time}, [&] { return kinks(table, last_time); });
+  const TimeFunction& function = kept("the function " + key, {}, [&] { return interpolate(table); });
+  return {function, table.values.cols(), {kinks_of_table, true}};
 }
 
 }  // namespace bromwich

@@ -40,6 +40,11 @@ class Section {
   Section(const Document& document, const toml::table* table, std::string name, const std::vector<std::string>& keys);
 
   bool given() const { return table_ != nullptr; }
+  /// make(), which reads keys of the file, as KeptValues::get keeps it. `what`: of this section.
+  template <class Make>
+  const auto& kept(const std::string& what, const std::vector<double>& given, const Make& make) const {
+    return document_->expressions.kept().get(name_ + "." + what, given, make);
+  }
   bool has(const std::string& key) const { return find(key) != nullptr; }
   /// "rlcd.toml:7: dynamics.A"; if the key is missing, the line of the section.
   std::string where(const std::string& key) const;
@@ -63,8 +68,8 @@ class Section {
   std::vector<double> partly_known(const std::string& key) const;
   /// Texts, or one for all of `size` entries; empty if the key is missing.
   std::vector<std::string> texts(const std::string& key, Index size) const;
-  /// `rows` and `columns`: the size of "identity" and "zero", if it is known.
-  MatrixValue matrix(const std::string& key, Index rows = 0, Index columns = 0) const;
+  /// `rows` and `columns`: the size of "identity" and "zero", if it is known. It stays as KeptValues says.
+  const MatrixValue& matrix(const std::string& key, Index rows = 0, Index columns = 0) const;
   /// Expressions of t, or a table of values up to `last_time`; with `size` also one expression for all entries i.
   FunctionValue function(const std::string& key, double last_time, Index size = 0) const;
   /// Expressions of t; empty if the key is missing.
@@ -85,7 +90,12 @@ class Section {
   double number(const toml::node& node, const std::string& key) const;
   std::variant<std::string, double> word_or_number(const toml::node& node, const std::string& key,
                                                    const std::vector<std::string>& words) const;
-  std::vector<std::string> texts_in_time(const std::string& key, Index size) const;
+  Vector read_vector(const std::string& key, Index size, Index line) const;
+  MatrixValue read_matrix(const std::string& key, Index rows, Index columns) const;
+  const std::vector<std::string>& texts_in_time(const std::string& key, Index size) const;
+  const TimeFunction& function_of_texts(const std::string& key, Index size) const;
+  SwitchTimes switch_times_of_texts(const std::string& key, double last_time, Index size) const;
+  FunctionValue tabulated(const std::string& key, const NumberFile& table, double last_time) const;
   std::string of_entry(const std::string& key, Index i, std::optional<Index> j = {}) const;
   std::string of_entry_and_own(const std::string& key, Index i, const std::string& own) const;
   const std::string* single_text(const std::string& key) const;

@@ -97,10 +97,11 @@ void read_definitions(Document& document, const Section& section) {
     document.expressions.define_in_time(key, section.expression(key), section.where(key));
 }
 
-void in_the_file(const std::map<std::string, std::string>& places, const std::function<void()>& check) {
+void in_the_file(const std::function<Places()>& places_of_members, const std::function<void()>& check) {
   try {
     check();
   } catch (const Error& error) {
+    const Places places = places_of_members();
     const std::string& argument = error.argument();
     for (const auto& [member, place] : places)  // it already names a place; the file may have the name of a member
       if (place.find(':') != std::string::npos && argument.starts_with(place.substr(0, place.find(':') + 1))) throw;
@@ -110,7 +111,7 @@ void in_the_file(const std::map<std::string, std::string>& places, const std::fu
   }
 }
 
-std::map<std::string, std::string> places(const Sections& s) {
+Places places(const Sections& s) {
   const Section& seen = s.relay.given() ? s.relay : s.complementarity;
   const bool sum = s.kronecker.given();
   return {{"A", s.dynamics.where("A")},

@@ -27,10 +27,13 @@ void read_parameters(Document&, const Section&, const ParameterValues& settings,
 /// Defines the expressions of [definitions], in the order of the file.
 void read_definitions(Document&, const Section&);
 
-/// The places in the file of the members of Scene.
-std::map<std::string, std::string> places(const Sections&);
+/// Places in the file, by the names of members.
+using Places = std::map<std::string, std::string>;
+/// Of the members of Scene.
+Places places(const Sections&);
 
-/// Runs `check`, whose Errors name a member of Scene, and replaces this name by its place in the file.
-void in_the_file(const std::map<std::string, std::string>& places, const std::function<void()>& check);
+/// Runs `check`, whose Errors name a member, and replaces this name by its place in the file. `places` is called where
+/// there is an Error.
+void in_the_file(const std::function<Places()>& places, const std::function<void()>& check);
 
 }  // namespace bromwich

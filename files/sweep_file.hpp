@@ -10,6 +10,7 @@
 // residual                 (scenes)           of the complementarity
 // status, reason, warning  (scenes)           texts
 
+#include "../core/base/threads.hpp"
 #include "result_file.hpp"
 #include "sweep.hpp"
 
@@ -27,7 +28,8 @@ struct SweepRows {
 class SweepFile {
  public:
   virtual ~SweepFile() = default;
-  virtual void append(const SweepRows&) = 0;
+  /// Threads share the compression.
+  virtual void append(const SweepRows&, const HostThreads&) = 0;
   /// After the last scene.
   virtual void finish(const std::vector<std::string>& status, const std::vector<std::string>& reason,
                       const std::vector<std::string>& warning, const Facts&) = 0;

@@ -202,6 +202,19 @@ def scale(data):
     ]
 
 
+def sweep_over_devices(rows):
+    """One sentence for each number of ranks."""
+    first = rows[0]
+    times = "; ".join(
+        f"{row['ranks']} rank{'s' if row['ranks'] > 1 else ''} {seconds(row['seconds']['median'])}" + (f" ({row['of_one']:.2f} times as fast)" if row["ranks"] > 1 else "")
+        for row in rows
+    )
+    return (
+        f"A sweep of {first['scenes']} scenes of the size of `dlcp-small`, J = {first['steps']}, a device for each rank, from the first scene to the "
+        f"CSV file: {times}. Medians of {first['repeats']}, commit {first['commit'][:9]}."
+    )
+
+
 def scale_gpu(data):
     """Cycles on one device and on all, then the largest scene."""
     lines = ["| scene | Q | steps on one | cycles on one | ranks | steps | cycles | applications of K | efficiency | apart |", "|--" * 10 + "|"]
@@ -215,6 +228,7 @@ def scale_gpu(data):
                     f"{seconds(row['seconds']['median'])} | {one['convolutions']:.1f}, {row['convolutions']:.1f} | {row['efficiency']:.2f} | "
                     f"{number(row['apart']) if 'apart' in row else ''} |"
                 )
+    sweeps = [row for row in data["rows"] if row["kind"] == "sweep"]
     largest = data["largest"]
     unknowns = largest["sizes"]["constraints"] * largest["steps"]
     return lines + [
@@ -226,6 +240,7 @@ def scale_gpu(data):
         f"`signorini3d` with Q = 511 and {largest['steps']} steps, {unknowns / 1e9:.2f} 10^9 contact unknowns, on two devices: {largest['status']} to a residual of "
         f"{number(largest['residual'])} in {largest['cycles']} cycles; set-up {largest['seconds']['setup']:.1f} s, solve {largest['seconds']['solve']:.2f} s "
         f"with the copy of y to the host, {largest['bytes'] / 1e9:.0f} GB in all.",
+        *(["", sweep_over_devices(sweeps)] if sweeps else []),
         "",
         f"Two of {data['details']['scale255']['device']}, {machine(data)}.",
     ]

@@ -31,7 +31,8 @@ struct Batch {
   std::vector<std::vector<double>> breakpoints;  ///< K lists of times in [0, T]
   bool breakpoints_are_all = false;              ///< as in Scene, for f, g and breakpoints with a batch axis
   bool no_pulses = false;                        ///< likewise
-  std::vector<Scene> own;                        ///< K whole scenes; nothing else but `times` is read then
+  std::vector<Scene> own;     ///< K whole scenes; nothing else but `times` and `same_sources` is read then
+  bool same_sources = false;  ///< f, g and breakpoints of `own` are those of the first one: they are sampled once
   /// Of the rows, increasing from 0 to T of the first scene; scenes with another T have them at the same parts of T.
   /// Empty: the time points of the grid. They are needed with a tolerance, where grids differ.
   std::vector<double> times;

@@ -51,8 +51,10 @@ bool own_matrices(const Batch& b) {
   return !b.A.empty() || !b.B.empty() || !b.N.empty() || !b.M.empty() || !b.E.empty();
 }
 bool own_sources(const Batch& b) {
-  return !b.f.empty() || !b.g.empty() || !b.breakpoints.empty() ||
-         std::any_of(b.own.begin(), b.own.end(), [](const Scene& s) { return s.f || s.g; });
+  if (b.own.empty()) return !b.f.empty() || !b.g.empty() || !b.breakpoints.empty();
+  if (b.same_sources && std::all_of(b.own.begin(), b.own.end(), [&](const Scene& s) { return s.T == b.own[0].T; }))
+    return false;
+  return std::any_of(b.own.begin(), b.own.end(), [](const Scene& s) { return s.f || s.g; });
 }
 
 std::vector<std::vector<Index>> groups_of(const Batch& b) {

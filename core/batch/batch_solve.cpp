@@ -32,6 +32,7 @@ Batch part_of(const Batch& b, Index first, Index count) {
   Batch part;
   part.common = b.common;
   part.times = b.times;
+  part.same_sources = b.same_sources;
   part.scenes = count;
   const auto cut = [&](const auto& from, auto& to) {
     if (!from.empty()) to.assign(from.begin() + first, from.begin() + first + count);

@@ -11,10 +11,11 @@ import numpy as np
 from . import _core
 from ._arrays import filled
 from ._errors import Error, Interrupted, NotSolved, NotSolvedWarning
+from ._machine import wanted
 from ._progress import reporting
 from ._result import Status
 from ._scene import Scene
-from ._solve import Check, Progress, _options, host_threads
+from ._solve import Check, Progress, _options
 
 
 class SharedArray:
@@ -99,6 +100,7 @@ class ArraySolver:
     Args:
         scene: a :class:`Scene` with initial values; its f and g are not used.
         backend: ``"cpu"`` for arrays of the host, ``"cuda"`` for those of a CUDA device.
+        device: number of the CUDA device; None: the first one.
         threads: of the host; 0: all cores.
         steps, iteration_tol, max_iterations: as in :func:`solve`.
 
@@ -116,6 +118,7 @@ class ArraySolver:
         scene: Scene,
         *,
         backend: str = "cpu",
+        device: int | None = None,
         threads: int = 0,
         steps: int | None = None,
         iteration_tol: float | None = None,
@@ -132,7 +135,7 @@ class ArraySolver:
             states="none",
         )
         self._scene, self._iteration_tolerance = scene, options.iteration_tolerance
-        self._prepared = _core.PreparedArrays(scene._model, options, backend, host_threads(threads))
+        self._prepared = _core.PreparedArrays(scene._model, options, wanted(backend, device, threads))
 
     @property
     def device(self) -> tuple[int, int]:

@@ -12,11 +12,12 @@ from . import _core
 from ._arrays import of_other_library, on_host
 from ._derivative import BatchDerivative
 from ._errors import Error, Interrupted, NotSolved, NotSolvedWarning
+from ._machine import wanted
 from ._progress import reporting
 from ._ranks import DealtAnswer, Ranks, ranks_of
 from ._result import Status
 from ._scene import Scene
-from ._solve import Check, Progress, _options, host_threads, known
+from ._solve import Check, Progress, _options, known
 from ._sources import source
 
 MATRICES = ("A", "B", "N", "M", "E")
@@ -88,6 +89,7 @@ def solve_batch(
     /,
     *,
     backend: str = "auto",
+    device: int | None = None,
     threads: int = 0,
     ranks: Any = None,
     progress: Progress | bool | None = None,
@@ -120,8 +122,8 @@ def solve_batch(
             them, in a tuple ``("each", [...])``); or shared, as :class:`Scene` takes it.
         times: of the rows, increasing from 0 to T (scenes with another T: at the same parts of it); the time points of
             the grid without. Needed with ``tol``, where grids differ from scene to scene.
-        backend, threads, progress, stop, method, steps, tol, states, iteration_tol, max_iterations, memory_limit: as
-            :func:`solve` takes them. ``progress`` counts scenes.
+        backend, device, threads, progress, stop, method, steps, tol, states, iteration_tol, max_iterations, memory_limit:
+            as :func:`solve` takes them. ``progress`` counts scenes.
         ranks: a communicator of mpi4py, whose ranks call ``solve_batch`` together with the same arguments: scene k goes to
             rank k modulo their number, and all get the whole result.
         check: what happens where a status is not ``solved``, as in :func:`solve`; there is one warning for all.
@@ -155,12 +157,12 @@ def solve_batch(
     )
     rows = [] if times is None else np.ravel(np.asarray(times, dtype=float)).tolist()
     data = (models, count, axes, x0, f, g) if shared is None else _share(shared, models, count, axes, x0, f, g)
-    threads = host_threads(threads) if shared is None else shared.threads(host_threads(threads))
+    on = wanted(backend, device, threads, shared)
     first_rank = shared is None or shared.rank == 0
 
     def own() -> _core.BatchAnswer:
         with reporting(progress if first_rank else None, options.iteration_tolerance) as report:
-            return _core.solve_batch(*data, rows, options, backend, threads, report, stop)
+            return _core.solve_batch(*data, rows, options, on, report, stop)
 
     answer = own() if shared is None else DealtAnswer(shared.together(own), count or len(models), shared)
     result = BatchResult(answer)

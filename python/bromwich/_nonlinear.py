@@ -11,10 +11,11 @@ import numpy as np
 from . import _core
 from ._arrays import number, whole_number, word
 from ._errors import Error
+from ._machine import wanted
 from ._result import Status, Switch
 from ._rows import Rows
 from ._scene import Scene
-from ._solve import Check, host_threads, judged, known, stated
+from ._solve import Check, judged, known, stated
 from ._words import suggestion
 
 METHODS = ("auto", "march", "iteration", "newton", "pointwise")
@@ -96,6 +97,7 @@ def solve_nonlinear(
     max_steps: int | None = None,
     iteration_tol: float | None = None,
     backend: str = "auto",
+    device: int | None = None,
     threads: int = 0,
     stop: Callable[[], bool] | None = None,
     check: Check = "warn",
@@ -128,7 +130,7 @@ def solve_nonlinear(
             largest value of each component.
         max_steps: with ``tol``.
         iteration_tol: of the last change of Newton's and other iterations; None: 1e-12.
-        backend, threads, stop, check: as :func:`solve` takes them.
+        backend, device, threads, stop, check: as :func:`solve` takes them.
 
     Returns:
         A :class:`NonlinearResult`, whatever the status is.
@@ -170,8 +172,7 @@ def solve_nonlinear(
         _positive("tol", tol),
         0 if max_steps is None else whole_number(max_steps, "max_steps"),
         _positive("iteration_tol", iteration_tol, 1),
-        word(backend, "backend"),
-        host_threads(threads),
+        wanted(backend, device, threads),
         stop,
     )
     return judged(NonlinearResult(answer, scene), answer.by_keyboard, check, stop, 3)

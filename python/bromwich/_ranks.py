@@ -54,6 +54,13 @@ class Ranks:
             asked = max(1, cores if bound else cores // neighbours)
         return self.comm.allreduce(asked, self._mpi.MIN)
 
+    def number_here(self) -> int:
+        """Which of the ranks of its machine this one is."""
+        here = self.comm.Split_type(self._mpi.COMM_TYPE_SHARED)
+        number = int(here.rank)
+        here.Free()
+        return number
+
     def together(self, work: Callable[[], Any]) -> Any:
         """Returns ``work()`` of this rank. If it raises on any rank, all ranks raise."""
         found, error = None, None

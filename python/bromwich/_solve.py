@@ -9,8 +9,9 @@ from collections.abc import Callable, Iterable
 from typing import Any, Literal
 
 from . import _core
-from ._arrays import filled, listed, number, whole, whole_number, word
+from ._arrays import filled, listed, number, whole_number, word
 from ._errors import Error, Interrupted, NotSolved, NotSolvedWarning
+from ._machine import wanted
 from ._progress import reporting
 from ._ranks import Ranks, ranks_of
 from ._result import Result, Status
@@ -20,7 +21,6 @@ from ._words import suggestion
 
 # The largest number of states that are recorded by default.
 RECORDED_STATES = 1000
-MOST_THREADS = 2**20
 
 OPTIONS = frozenset(
     "method steps tol tol_x tol_y atol max_steps max_seconds iteration_tol max_iterations states memory_limit "
@@ -36,6 +36,7 @@ def solve(
     /,
     *,
     backend: str = "auto",
+    device: int | None = None,
     threads: int = 0,
     ranks: Any = None,
     progress: Progress | bool | None = None,
@@ -63,6 +64,8 @@ def solve(
     Args:
         scene: a :class:`Scene`; or none, and A, B, N, M, x0, T, f, g, E, ... by name as :class:`Scene` takes them.
         backend: ``"cpu"``, ``"cuda"``, or ``"auto"``: a CUDA device where it is predicted to be faster.
+        device: number of the CUDA device, as :func:`cuda_devices` lists them; None: the first one, and where ``ranks`` deal
+            out scenes, that of the rank's number on its machine.
         threads: of the host; 0: all cores, and with ``ranks`` a rank's share of them.
         ranks: a communicator of mpi4py, whose ranks call ``solve`` together with the same scene and options: each computes
             a slab of the time points, and all get the whole result. For methods ``"multigrid"`` and ``"contour"``.
@@ -125,14 +128,10 @@ def solve(
         memory_limit=memory_limit,
         event_location=event_location,
     )
-    threads, wrapped = _of_rank(shared, host_threads(threads))
+    on = wanted(backend, device, threads, shared)
     with reporting(progress if _speaks(shared) else None, options.iteration_tolerance) as report:
-        answer = _core.solve(scene._model, options, word(backend, "backend"), threads, report, stop, wrapped)
+        answer = _core.solve(scene._model, options, on, report, stop, shared and _core.Ranks(shared))
     return _checked(answer, scene, check if _speaks(shared) or check is True else False, stop)
-
-
-def _of_rank(ranks: Ranks | None, threads: int) -> tuple[int, _core.Ranks | None]:
-    return (threads, None) if ranks is None else (ranks.threads(threads), _core.Ranks(ranks))
 
 
 def _speaks(ranks: Ranks | None) -> bool:
@@ -148,7 +147,7 @@ class Solver:
 
     Args:
         scene: a :class:`Scene`.
-        backend, threads, ranks, and options: as :func:`solve` takes them; ``progress``, ``stop`` and ``check`` belong to each
+        backend, device, threads, ranks, and options: as :func:`solve` takes them; ``progress``, ``stop`` and ``check`` belong to each
             solve.
 
     Example:
@@ -159,7 +158,14 @@ class Solver:
     """
 
     def __init__(
-        self, scene: Scene, *, backend: str = "auto", threads: int = 0, ranks: Any = None, **options: Any
+        self,
+        scene: Scene,
+        *,
+        backend: str = "auto",
+        device: int | None = None,
+        threads: int = 0,
+        ranks: Any = None,
+        **options: Any,
     ) -> None:
         if not isinstance(scene, Scene):
             raise Error(f"scene: is a {type(scene).__name__}; give a bromwich.Scene", "scene")
@@ -170,8 +176,8 @@ class Solver:
         made = _options(scene, **options)
         self._iteration_tolerance = made.iteration_tolerance
         self._ranks = ranks_of(ranks, None)
-        threads, wrapped = _of_rank(self._ranks, host_threads(threads))
-        self._prepared = _core.Prepared(scene._model, made, word(backend, "backend"), threads, wrapped)
+        on = wanted(backend, device, threads, self._ranks)
+        self._prepared = _core.Prepared(scene._model, made, on, self._ranks and _core.Ranks(self._ranks))
 
     @property
     def scene(self) -> Scene:
@@ -204,13 +210,6 @@ class Solver:
         with reporting(progress if _speaks(self._ranks) else None, self._iteration_tolerance) as report:
             answer = self._prepared.solve(report, stop)
         return _checked(answer, self._scene, check if _speaks(self._ranks) or check is True else False, stop)
-
-
-def host_threads(threads: Any) -> int:
-    """A number of threads, 0 for all cores."""
-    if not 0 <= whole(threads, "threads") <= MOST_THREADS:
-        raise Error(f"threads: found {threads}; give 0 for all cores, or a number up to {MOST_THREADS}", "threads")
-    return int(threads)
 
 
 def known(arguments: dict[str, Any], function: Callable) -> None:

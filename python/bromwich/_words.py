@@ -11,7 +11,6 @@ OTHERS = {
     "automatic": "auto",
     "C": "N",
     "D": "M",
-    "device": "backend",
     "dt": "steps",
     "end_time": "T",
     "eps": "tol",

@@ -74,8 +74,8 @@ nb::ndarray<double> handed_over(const std::shared_ptr<SharedAnswer>& answer, con
 
 class PreparedArrays {
  public:
-  PreparedArrays(std::shared_ptr<const Model> model, const Options& options, const std::string& backend, int threads)
-      : machine_(machine_for(backend, model->scene, options, threads, true)),
+  PreparedArrays(std::shared_ptr<const Model> model, const Options& options, const Wanted& wanted)
+      : machine_(machine_for(wanted, model->scene, options, true)),
         solver_(model->scene, *machine_->backend, listened(options)) {}
 
   std::tuple<int, int, std::uintptr_t> place() const {
@@ -205,8 +205,8 @@ void bind_arrays(nb::module_& m) {
           nb::arg("name"))
       .def("capsule", &handed_over, nb::arg("name"), "A DLPack capsule of y or w.");
   nb::class_<PreparedArrays>(m, "PreparedArrays")
-      .def(nb::init<std::shared_ptr<const Model>, const Options&, const std::string&, int>(), nb::arg("model"),
-           nb::arg("options"), nb::arg("backend"), nb::arg("threads"))
+      .def(nb::init<std::shared_ptr<const Model>, const Options&, const Wanted&>(), nb::arg("model"),
+           nb::arg("options"), nb::arg("wanted"))
       .def_prop_ro("place", &PreparedArrays::place, "Kind and number of the device, and its stream.")
       .def("set_x0", &PreparedArrays::set_x0, nb::arg("x0"))
       .def("solve", &PreparedArrays::solve, nb::arg("g").none(), nb::arg("f").none(), nb::arg("progress").none(),

@@ -89,15 +89,15 @@ Batch batch_from(const std::vector<std::shared_ptr<const Model>>& models, Index 
 std::shared_ptr<BatchAnswer> solve_many(const std::vector<std::shared_ptr<const Model>>& models, Index scenes,
                                         const std::map<std::string, Array3>& axes, const std::optional<Array2>& x0,
                                         const std::vector<const Source*>& f, const std::vector<const Source*>& g,
-                                        const std::vector<double>& times, const Options& given,
-                                        const std::string& backend, int threads, nb::object progress, nb::object stop) {
+                                        const std::vector<double>& times, const Options& given, const Wanted& wanted,
+                                        nb::object progress, nb::object stop) {
   Calls calls(std::move(progress), std::move(stop));
   return unlocked(calls, [&] {
     auto answer = std::make_shared<BatchAnswer>();
     Batch batch = batch_from(models, scenes, axes, x0, f, g);
     batch.times = times;
     Options options = given;
-    const auto machine = machine_for(backend, models.at(0)->scene, options, threads);
+    const auto machine = machine_for(wanted, models.at(0)->scene, options);
     options.progress = [&](const Progress& p) { calls.progress(p); };
     options.interrupted = [&] { return calls.interrupted(); };
     const std::lock_guard lock(machine->busy);
@@ -106,7 +106,7 @@ std::shared_ptr<BatchAnswer> solve_many(const std::vector<std::shared_ptr<const 
     const bool calls_python =
         std::any_of(models.begin(), models.end(), [](const auto& m) { return !m->callables.empty(); }) || calls_of(f) ||
         calls_of(g);
-    if (!machine->beside) machine->beside = app::backends_beside(*machine->backend);
+    if (!machine->beside) machine->beside = app::backends_beside(*machine->backend, machine->device);
     answer->result = solve_batch(batch, *machine->backend, options, calls_python ? MakeBackend() : machine->beside);
     answer->batch = std::make_shared<const Batch>(std::move(batch));
     return answer;
@@ -241,8 +241,8 @@ void bind_batch(nb::module_& m) {
       .def("jvp", &forward_each, nb::arg("tables"), nb::arg("threads"))
       .def("vjp", &backward_each, nb::arg("tables"), nb::arg("threads"));
   m.def("solve_batch", &solve_many, nb::arg("models"), nb::arg("scenes"), nb::arg("axes"), nb::arg("x0").none(),
-        nb::arg("f"), nb::arg("g"), nb::arg("times"), nb::arg("options"), nb::arg("backend"), nb::arg("threads"),
-        nb::arg("progress").none(), nb::arg("stop").none());
+        nb::arg("f"), nb::arg("g"), nb::arg("times"), nb::arg("options"), nb::arg("wanted"), nb::arg("progress").none(),
+        nb::arg("stop").none());
 }
 
 }  // namespace bromwich::python

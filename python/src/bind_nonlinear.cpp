@@ -129,8 +129,8 @@ std::shared_ptr<NonlinearAnswer> solve_one(const std::shared_ptr<const Model>& m
                                            nb::object dphi, nb::object dgamma,
                                            const std::shared_ptr<const NonlinearTerms>& terms, bool of_trace,
                                            const std::string& method, const std::string& inner, Index steps, double tol,
-                                           Index max_steps, double iteration_tol, const std::string& backend,
-                                           int threads, nb::object stop) {
+                                           Index max_steps, double iteration_tol, const Wanted& wanted,
+                                           nb::object stop) {
   Calls calls(nb::none(), std::move(stop));
   NonlinearScene scene;
   if (terms) {
@@ -154,7 +154,7 @@ std::shared_ptr<NonlinearAnswer> solve_one(const std::shared_ptr<const Model>& m
     auto answer = std::make_shared<NonlinearAnswer>();
     for (const auto& forget : model->forget) forget();
     scene.linear = model->scene;
-    const auto machine = machine_for(backend, scene.linear, {}, threads);
+    const auto machine = machine_for(wanted, scene.linear, {});
     const std::lock_guard lock(machine->busy);
     answer->backend = machine->backend->name();
     Timer timer;
@@ -200,7 +200,7 @@ void bind_nonlinear(nb::module_& m) {
   m.def("solve_nonlinear", &solve_one, nb::arg("model"), nb::arg("phi").none(), nb::arg("gamma").none(),
         nb::arg("dphi").none(), nb::arg("dgamma").none(), nb::arg("terms").none(), nb::arg("of_trace"),
         nb::arg("method"), nb::arg("inner"), nb::arg("steps"), nb::arg("tol"), nb::arg("max_steps"),
-        nb::arg("iteration_tol"), nb::arg("backend"), nb::arg("threads"), nb::arg("stop").none());
+        nb::arg("iteration_tol"), nb::arg("wanted"), nb::arg("stop").none());
 }
 
 }  // namespace bromwich::python

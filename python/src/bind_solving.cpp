@@ -36,23 +36,22 @@ Options with_goal(Options options, const Model& model) {
 }
 
 /// Ranks stop together or not at all: they are asked for nothing that one of them could answer otherwise.
-std::shared_ptr<Machine> machine_of(const std::shared_ptr<PythonRanks>& ranks, const std::string& backend,
-                                    const Scene& scene, const Options& options, int threads, bool own = false) {
-  if (!ranks) return machine_for(backend, scene, options, threads, own);
+std::shared_ptr<Machine> machine_of(const std::shared_ptr<PythonRanks>& ranks, const Wanted& wanted, const Scene& scene,
+                                    const Options& options, bool own = false) {
+  if (!ranks) return machine_for(wanted, scene, options, own);
   check_same(*ranks, scene, options);
-  return machine_on_ranks(ranks, backend, threads);
+  return machine_on_ranks(ranks, wanted);
 }
 
-std::shared_ptr<Answer> solve_once(std::shared_ptr<const Model> model, const Options& given, const std::string& backend,
-                                   int threads, nb::object progress, nb::object stop,
-                                   std::shared_ptr<PythonRanks> ranks) {
+std::shared_ptr<Answer> solve_once(std::shared_ptr<const Model> model, const Options& given, const Wanted& wanted,
+                                   nb::object progress, nb::object stop, std::shared_ptr<PythonRanks> ranks) {
   Calls calls(std::move(progress), std::move(stop));
   return unlocked(calls, [&] {
     for (const auto& forget : model->forget) forget();
     Options options = with_goal(given, *model);
-    const auto machine = machine_of(ranks, backend, model->scene, options, threads);
+    const auto machine = machine_of(ranks, wanted, model->scene, options);
     auto answer = std::make_shared<Answer>(
-        Answer{model, machine_of_result(machine, model->scene, options, threads), options, {}, false, {}});
+        Answer{model, machine_of_result(machine, model->scene, options, wanted.threads), options, {}, false, {}});
     options.progress = [&](const Progress& p) { calls.progress(p); };
     if (!ranks) options.interrupted = [&] { return calls.interrupted(); };
     const std::lock_guard lock(machine->busy);
@@ -64,12 +63,12 @@ std::shared_ptr<Answer> solve_once(std::shared_ptr<const Model> model, const Opt
 /// A Solver, its backend, and the scene as results see it.
 class Prepared {
  public:
-  Prepared(std::shared_ptr<const Model> model, const Options& given, const std::string& backend, int threads,
+  Prepared(std::shared_ptr<const Model> model, const Options& given, const Wanted& wanted,
            const std::shared_ptr<PythonRanks>& ranks)
       : seen_(std::move(model)),
         options_(with_goal(given, *seen_)),
-        threads_(threads),
-        machine_(machine_of(ranks, backend, seen_->scene, options_, threads, true)),
+        threads_(wanted.threads),
+        machine_(machine_of(ranks, wanted, seen_->scene, options_, true)),
         solver_(seen_->scene, *machine_->backend, listened(options_)) {}
 
   void set_x0(const Array1& x0) {
@@ -174,12 +173,18 @@ void bind_solving(nb::module_& m) {
             return left.after({done, change, total}, seconds);
           },
           nb::arg("done"), nb::arg("total"), nb::arg("change"), nb::arg("seconds"));
-  m.def("solve", &solve_once, nb::arg("model"), nb::arg("options"), nb::arg("backend"), nb::arg("threads"),
-        nb::arg("progress").none(), nb::arg("stop").none(), nb::arg("ranks").none());
+  nb::class_<Wanted>(m, "Wanted", "What a solve is asked to run on.")
+      .def(
+          "__init__",
+          [](Wanted* wanted, std::string backend, std::optional<int> device, int number_here, int threads) {
+            new (wanted) Wanted{std::move(backend), device, number_here, threads};
+          },
+          nb::arg("backend"), nb::arg("device").none(), nb::arg("number_here"), nb::arg("threads"));
+  m.def("solve", &solve_once, nb::arg("model"), nb::arg("options"), nb::arg("wanted"), nb::arg("progress").none(),
+        nb::arg("stop").none(), nb::arg("ranks").none());
   nb::class_<Prepared>(m, "Prepared")
-      .def(nb::init<std::shared_ptr<const Model>, const Options&, const std::string&, int,
-                    const std::shared_ptr<PythonRanks>&>(),
-           nb::arg("model"), nb::arg("options"), nb::arg("backend"), nb::arg("threads"), nb::arg("ranks").none())
+      .def(nb::init<std::shared_ptr<const Model>, const Options&, const Wanted&, const std::shared_ptr<PythonRanks>&>(),
+           nb::arg("model"), nb::arg("options"), nb::arg("wanted"), nb::arg("ranks").none())
       .def("set_x0", &Prepared::set_x0, nb::arg("x0"))
       .def("set_sources", &Prepared::set_sources, nb::arg("f").none(), nb::arg("g").none(), nb::arg("breakpoints"))
       .def("solve", &Prepared::solve, nb::arg("progress").none(), nb::arg("stop").none());

@@ -202,7 +202,7 @@ std::shared_ptr<Answer> answer_from(std::shared_ptr<const Model> model, const nb
   Options options;
   members_of_options(Reader{nb::cast<nb::dict>(d["options"])}, options);
   Result result = result_from(nb::cast<nb::dict>(d["result"]));
-  const auto machine = machine_for("cpu", model->scene, options, 0);
+  const auto machine = machine_for({"cpu", {}, 0, 0}, model->scene, options);
   return std::make_shared<Answer>(
       Answer{std::move(model), machine, options, std::move(result), nb::cast<bool>(d["by_keyboard"]), {}});
 }

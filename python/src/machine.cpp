@@ -8,6 +8,7 @@
 #include "cpu/cpu_backend.hpp"
 #include "kernels/cuda_plugin.hpp"
 
+#include <map>
 #include <utility>
 
 namespace bromwich::python {
@@ -23,7 +24,8 @@ struct KeptMachine {
 
 struct KeptMachines {
   std::mutex mutex;
-  KeptMachine cpu, cuda;
+  KeptMachine cpu;
+  std::map<int, KeptMachine> cuda;  ///< by the number of the device
 };
 
 KeptMachines& kept_machines() {
@@ -56,34 +58,41 @@ bool takes(const std::string& word, const Scene& scene, const Options& options, 
 
 }  // namespace
 
-std::shared_ptr<Machine> machine_for(const std::string& word, const Scene& scene, const Options& options, int threads,
-                                     bool own) {
+std::shared_ptr<Machine> machine_for(const Wanted& wanted, const Scene& scene, const Options& options, bool own) {
+  const auto& [word, given, number_here, threads] = wanted;
   KeptMachines& kept = kept_machines();
   const std::lock_guard lock(kept.mutex);
-  const bool started = kept.cuda.machine != nullptr;
   if (word == "cuda" && !cuda_plugin_missing().empty())
     throw Error("backend", "found 'cuda' but " + cuda_plugin_missing(), "use cpu", ErrorKind::device);
-  if (stays_on_host(word, scene, options, started)) return on_host(kept, threads, own);
+  if (given) app::device_number(given, number_here);
+  if (stays_on_host(word, scene, options, !kept.cuda.empty())) return on_host(kept, threads, own);
   const Index components = Index(recorded_components(scene, options).size());
-  if (kept.cuda.fits(threads) && (word == "auto" || word == "cuda"))
-    return takes(word, scene, options, components, *kept.cuda.machine->backend) ? kept.cuda.machine
-                                                                                : on_host(kept, threads, own);
-  auto made = std::make_shared<Machine>(app::choose_backend(word, scene, options, components, threads, started));
-  if (made->backend->name() == "cuda") kept.cuda = {made, threads};
+  const int device = app::device_number(given, number_here);
+  if (const auto found = kept.cuda.find(device);
+      found != kept.cuda.end() && found->second.fits(threads) && (word == "auto" || word == "cuda"))
+    return takes(word, scene, options, components, *found->second.machine->backend) ? found->second.machine
+                                                                                    : on_host(kept, threads, own);
+  auto made = std::make_shared<Machine>(
+      app::choose_backend(word, scene, options, components, threads, !kept.cuda.empty(), device));
+  made->device = device;
+  if (made->backend->name() == "cuda") kept.cuda[device] = {made, threads};
   return made;
 }
 
-std::shared_ptr<Machine> machine_on_ranks(std::shared_ptr<Communicator> ranks, const std::string& word, int threads) {
-  if (word != "auto" && word != "cpu")
-    throw Error("backend", "found '" + word + "' on " + std::to_string(ranks->size()) + " ranks",
+std::shared_ptr<Machine> machine_on_ranks(std::shared_ptr<Communicator> ranks, const Wanted& wanted) {
+  if (wanted.backend != "auto" && wanted.backend != "cpu")
+    throw Error("backend", "found '" + wanted.backend + "' on " + std::to_string(ranks->size()) + " ranks",
                 "use cpu: devices do not share the time points of a scene");
-  auto divided = make_slab_backend(make_cpu_backend(threads), *ranks);
+  if (wanted.device)
+    throw Error("device", "is given on " + std::to_string(ranks->size()) + " ranks",
+                "leave it out: devices do not share the time points of a scene");
+  auto divided = make_slab_backend(make_cpu_backend(wanted.threads), *ranks);
   return std::make_shared<Machine>(std::move(divided), std::move(ranks));
 }
 
 std::shared_ptr<Machine> machine_of_result(const std::shared_ptr<Machine>& machine, const Scene& scene,
                                            const Options& options, int threads) {
-  return machine->ranks ? machine_for("cpu", scene, options, threads) : machine;
+  return machine->ranks ? machine_for({"cpu", {}, 0, threads}, scene, options) : machine;
 }
 
 }  // namespace bromwich::python

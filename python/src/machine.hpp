@@ -7,6 +7,7 @@
 
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
 
 namespace bromwich::python {
@@ -18,18 +19,25 @@ struct Machine {
 
   const std::shared_ptr<Communicator> ranks;  ///< that divide the time points of the backend; null: it has them all
   std::unique_ptr<Backend> backend;
+  int device = 0;      ///< where the backend is one of a device
   MakeBackend beside;  ///< of the threads of solve_batch, kept from one call to the next; empty before the first
   std::mutex busy;
 };
 
-/// "auto", "cpu" or "cuda", as the command chooses. threads = 0: all that OpenMP offers. Backends are kept: that of a
-/// device for the whole process, that of the processor for the next solve, unless somebody is using it or `own` asks
-/// for one that nobody else has.
-std::shared_ptr<Machine> machine_for(const std::string& word, const Scene&, const Options&, int threads,
-                                     bool own = false);
+/// What a solve is asked to run on.
+struct Wanted {
+  std::string backend;        ///< "auto", "cpu" or "cuda", as the command chooses
+  std::optional<int> device;  ///< the number of a device; empty: the one of this process
+  int number_here = 0;        ///< of this process among those of a job on this machine, which share its devices
+  int threads = 0;            ///< of the host; 0: all that OpenMP offers
+};
+
+/// Backends are kept: those of devices for the whole process, that of the processor for the next solve, unless somebody
+/// is using it or `own` asks for one that nobody else has. Throws Error, naming `device`, where there is no such one.
+std::shared_ptr<Machine> machine_for(const Wanted&, const Scene&, const Options&, bool own = false);
 
 /// The time points of a processor divided among ranks. Throws Error, naming `backend`, for words that want a device.
-std::shared_ptr<Machine> machine_on_ranks(std::shared_ptr<Communicator>, const std::string& word, int threads);
+std::shared_ptr<Machine> machine_on_ranks(std::shared_ptr<Communicator>, const Wanted&);
 
 /// For what is asked of a result later, by any rank alone.
 std::shared_ptr<Machine> machine_of_result(const std::shared_ptr<Machine>&, const Scene&, const Options&, int threads);

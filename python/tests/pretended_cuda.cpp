@@ -1,18 +1,22 @@
-// A shared object in the place of bromwich/_cuda.so: its device is a backend of naive loops. Shows on machines without
-// a device that backends, plans and errors pass between two shared objects. The number of threads chooses what it does:
-// three, it fails; two, it says that single steps are expensive, as devices do; otherwise it is like a processor.
+// A shared object in the place of bromwich/_cuda.so: its two devices are backends of naive loops. Shows on machines
+// without a device that backends, plans and errors pass between two shared objects. The number of threads chooses what
+// they do: three, they fail and say which device is asked for; two, they say that single steps are expensive, as devices
+// do; otherwise they are like a processor.
 
 #include "core/base/error.hpp"
 #include "kernels/cuda_plugin.hpp"
 #include "tests/support/reference_backend.hpp"
 
+#include <string>
+
 namespace bromwich {
 
-std::vector<std::string> cuda_devices() { return {"naive loops"}; }
+std::vector<std::string> cuda_devices() { return {"naive loops", "more of them"}; }
 bool cuda_built() { return true; }
 
-std::unique_ptr<Backend> make_cuda_backend(std::unique_ptr<Backend> host, int) {
-  if (host->threads() == 3) throw Error("device", "is at work", "try again", ErrorKind::device);
+std::unique_ptr<Backend> make_cuda_backend(std::unique_ptr<Backend> host, int device) {
+  if (host->threads() == 3)
+    throw Error("device", std::to_string(device) + " is at work", "try again", ErrorKind::device);
   BackendTraits traits;
   traits.one_at_a_time = host->threads() != 2;
   traits.fewest_values = 1000;

@@ -77,6 +77,16 @@ def refusals():
     refused(lambda: bromwich.solve(scene, steps=256 + comm.rank, method="contour", ranks=comm), "rank 1 differ")
 
 
+def devices(plugin):
+    """Each rank takes the device of its number: of two, the third rank the first one. With three threads a device says its number."""
+    bromwich._core.set_cuda_plugin(plugin)
+    one = dict(A=[[-1.0]], B=[[1.0]], N=[[1.0]], M=[[1.0]], T=2.0, steps=64, x0=np.linspace(-1, 1, 11).reshape(11, 1))
+    dealt = dict(ranks=comm, backend="cuda", threads=3)
+    refused(lambda: bromwich.solve_batch(**one, **dealt), f"device: {comm.rank % 2} is at work")
+    refused(lambda: bromwich.solve_batch(**one, **dealt, device=1), "device: 1 is at work")
+    refused(lambda: bromwich.solve(scene_of(), steps=256, method="contour", ranks=comm, device=0), "device: is given on")
+
+
 def lost():
     """The last rank raises; mpi4py ends the job."""
     if comm.rank == comm.size - 1:
@@ -84,5 +94,5 @@ def lost():
     bromwich.solve(scene_of(), steps=1024, method="contour", ranks=comm)
 
 
-{"solves": lambda: (divided(), dealt(), refusals()), "lost": lost}[sys.argv[1]]()
+{"solves": lambda: (divided(), dealt(), refusals()), "lost": lost, "devices": lambda: devices(sys.argv[2])}[sys.argv[1]]()
 sys.stdout.write(f"rank {comm.rank} of {comm.size}: done\n")

@@ -220,7 +220,7 @@ def test_a_loaded_backend():
     code = f"""
 import bromwich, numpy as np
 bromwich._core.set_cuda_plugin({file!r})
-assert bromwich.backends()["cuda"] == (True, "naive loops")
+assert bromwich.backends()["cuda"] == (True, "naive loops, more of them")
 scene = bromwich.scene("signorini", Q=9)
 for method in ("contour", "march", "multigrid", "euler"):
     expected = bromwich.solve(scene, steps=40, method=method, backend="cpu")
@@ -238,7 +238,50 @@ try:
 except bromwich.DeviceError as error:
     print(type(error).__name__, error)
 """
-    assert run(code).stdout.strip() == "DeviceError device: is at work; try again"
+    assert run(code).stdout.strip() == "DeviceError device: 0 is at work; try again"
+
+
+def test_the_device_of_a_solve():
+    """Its number reaches the backend from every function that takes one; where there is no such device, that is said."""
+    file = os.environ.get("BROMWICH_PRETENDED_CUDA", "")
+    if not file:
+        pytest.skip("BROMWICH_PRETENDED_CUDA is not set")
+    code = f"""
+import bromwich
+bromwich._core.set_cuda_plugin({file!r})
+scene = bromwich.scene("dlcp-small")
+solves = [lambda **on: bromwich.solve(scene, steps=20, **on), lambda **on: bromwich.Solver(scene, steps=20, **on),
+          lambda **on: bromwich.solve_batch([scene, scene], steps=20, **on),
+          lambda **on: bromwich.solve_nonlinear(scene, steps=20, **on), lambda **on: bromwich.ArraySolver(scene, steps=20, **on)]
+def refused(work, on, kind, message):
+    try:
+        work(**on)
+    except bromwich.Error as error:
+        assert type(error) is kind and error.argument == "device" and str(error) == message, error
+    else:
+        raise AssertionError("not refused")
+for work in solves:
+    for number in (0, 1):
+        refused(work, dict(backend="cuda", device=number, threads=3), bromwich.DeviceError, f"device: {{number}} is at work; try again")
+    refused(work, dict(backend="cuda", threads=3), bromwich.DeviceError, "device: 0 is at work; try again")
+    none = "device: found 2, and there are 2 CUDA devices; give 0 to 1"
+    refused(work, dict(backend="cuda", device=2), bromwich.DeviceError, none)
+    refused(work, dict(backend="auto", device=2), bromwich.DeviceError, none)
+    refused(work, dict(backend="cpu", device=0), bromwich.Error, "device: found 0 with backend='cpu'; leave it out, or use backend='cuda'")
+    refused(work, dict(backend="cuda", device=-1), bromwich.Error, "device: found -1; give a whole number from 0 on")
+    refused(work, dict(backend="cuda", device="first"), bromwich.Error, "device: found 'first'; give a number")
+one, other = (bromwich.solve(scene, steps=20, backend="cuda", device=number, method="march") for number in (0, 1))
+assert one.backend == other.backend == "reference" and (one.y == other.y).all()
+print("done")
+"""
+    assert run(code).stdout.strip() == "done"
+
+
+def test_a_device_where_there_is_none():
+    if bromwich.cuda_devices():
+        pytest.skip("there is one")
+    with pytest.raises(bromwich.Error, match="device: found 0, and there is no CUDA device; use the backend cpu|backend: found 'cuda'"):
+        bromwich.solve(bromwich.scene("dlcp-small"), steps=20, backend="cuda", device=0)
 
 
 def test_derivatives_on_a_loaded_backend():

@@ -14,7 +14,7 @@ MPIRUN = shutil.which("mpirun")
 pytestmark = pytest.mark.skipif(MPIRUN is None, reason="there is no mpirun (Debian: openmpi-bin)")
 
 
-def job(ranks, word):
+def job(ranks, *words_of_job):
     environment = dict(
         os.environ,
         OMP_NUM_THREADS="1",
@@ -24,7 +24,7 @@ def job(ranks, word):
         OMPI_MCA_hwloc_base_binding_policy="none",
         OMPI_MCA_btl_vader_single_copy_mechanism="none",
     )
-    words = [MPIRUN, "-n", str(ranks), sys.executable, "-m", "mpi4py", str(Path(__file__).parent / "ranks_job.py"), word]
+    words = [MPIRUN, "-n", str(ranks), sys.executable, "-m", "mpi4py", str(Path(__file__).parent / "ranks_job.py"), *words_of_job]
     done = subprocess.run(words, env=environment, capture_output=True, text=True, timeout=120)
     if "mpirun" in done.stderr and "unrecognized" in done.stderr.lower():
         pytest.skip("this mpirun is none of Open MPI")
@@ -36,6 +36,14 @@ def test_the_solution_of_one_rank(ranks):
     done = job(ranks, "solves")
     assert done.returncode == 0, done.stdout + done.stderr
     assert all(f"rank {r} of {ranks}: done" in done.stdout for r in range(ranks)), done.stdout
+
+
+def test_a_device_of_each_rank():
+    plugin = os.environ.get("BROMWICH_PRETENDED_CUDA", "")
+    if not plugin:
+        pytest.skip("BROMWICH_PRETENDED_CUDA is not set")
+    done = job(3, "devices", plugin)
+    assert done.returncode == 0, done.stdout + done.stderr
 
 
 def test_a_rank_that_raises_ends_the_job():

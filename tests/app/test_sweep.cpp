@@ -2,6 +2,8 @@
 
 #include "tests/app/cli.hpp"
 
+#include <nlohmann/json.hpp>
+
 #include <cmath>
 
 namespace bromwich {
@@ -81,6 +83,29 @@ TEST_F(CliSweep, RowsAtTimesWithATolerance) {
   }
   const Outcome found = run("solve s.toml --tol 1e-4 --out t.csv");
   EXPECT_EQ(split(read(path("t.csv")), '\n').size(), 7u) << found.err;
+}
+
+TEST_F(CliSweep, JsonCountsScenesAndSeconds) {
+  write("s.toml", swept);
+  const auto json = nlohmann::json::parse(run("solve s.toml --json").out);
+  EXPECT_EQ(json["scenes"], 6);
+  EXPECT_EQ(json["status"]["solved"], 4);
+  for (const char* part : {"read", "solve"}) {
+    EXPECT_GT(json["seconds"][part], 0) << part;
+    EXPECT_LE(json["seconds"][part], json["seconds"]["total"]) << part;
+  }
+}
+
+// Matrices, sources and tables of scenes before, and x0 of each: a swept parameter leaves nothing of another scene.
+TEST_F(CliSweep, ScenesInAnyOrderAreTheSame) {
+  const std::string head = swept.substr(0, swept.find("R = [1, 4]"));
+  write("s.toml", head + "R = [1, 4, 1, 2]\na = [0.5, 2, 2, 0.5]\nT = [2, 2, 3, 2]\ncombine = \"rows\"\n");
+  write("other.toml", head + "R = [2, 1, 4, 1]\na = [0.5, 2, 2, 0.5]\nT = [2, 3, 2, 2]\ncombine = \"rows\"\n");
+  ASSERT_EQ(run("solve s.toml --out t.csv --method march").exit_code, 0);
+  ASSERT_EQ(run("solve other.toml --out other.csv --method march").exit_code, 0);
+  const auto rows = split(read(path("t.csv")), '\n'), others = split(read(path("other.csv")), '\n');
+  const auto values = [](const std::string& row) { return row.substr(row.find(',')); };
+  for (std::size_t k = 1; k <= 4; ++k) EXPECT_EQ(values(rows.at(k)), values(others.at(5 - k)));
 }
 
 TEST_F(CliSweep, WhatDoesNotGoWithASweepIsRefused) {

@@ -103,8 +103,14 @@ TEST(NumberTable, MistakesNameTheirLine) {
   }
 }
 
+TimeTable table_until(double last_time, const std::string& text) {
+  TimeTable table = read_time_table(text, "f.csv", 'f');
+  require_times_until(table, last_time);
+  return table;
+}
+
 TEST(TimeTable, JumpsWhereATimeIsGivenTwice) {
-  const TimeTable table = read_time_table("t,f0\n0,1\n1,3\n1,-2\n2,0\n", "f.csv", 'f', 2);
+  const TimeTable table = table_until(2, "t,f0\n0,1\n1,3\n1,-2\n2,0\n");
   const TimeFunction f = interpolate(table);
   Vector value(1);
   for (const auto& [t, expected] : std::vector<std::pair<double, double>>{{0.5, 2}, {1, -2}, {1.5, -1}, {2, 0}}) {
@@ -119,13 +125,13 @@ TEST(TimeTable, JumpsWhereATimeIsGivenTwice) {
 TEST(TimeTable, KinksAreKnotsWhereTheSlopeChanges) {
   const std::string text =
       "t,f0,f1\n-1,0,0\n0.25,1.25,0\n0.5,1.5,0\n0.75,1.75,1\n1,1.75,2\n1.5,1.75,4\n2,1.75,4\n3,0,4\n";
-  const TimeTable table = read_time_table(text, "f.csv", 'f', 1.75);
+  const TimeTable table = table_until(1.75, text);
   EXPECT_EQ(kinks(table, 1.75), (std::vector<double>{0.5, 0.75, 1.5}));
   EXPECT_EQ(kinks(table, 4), (std::vector<double>{0.5, 0.75, 1.5, 2, 3}));  // constant after the last row
 }
 
 TEST(TimeTable, IsLinearBetweenItsTimes) {
-  const TimeFunction f = interpolate(read_time_table("t,f0,f1\n0,1,10\n0.5,3,10\n2,0,-20\n", "f.csv", 'f', 2));
+  const TimeFunction f = interpolate(table_until(2, "t,f0,f1\n0,1,10\n0.5,3,10\n2,0,-20\n"));
   const auto at = [&](double t) {
     Vector value(2);
     f(t, value);
@@ -140,8 +146,8 @@ TEST(TimeTable, IsLinearBetweenItsTimes) {
 }
 
 TEST(TimeTable, LastTimeMayBeRounded) {
-  EXPECT_EQ(read_time_table("t,f0\n-1,0\n9.42477796077,0\n", "f.csv", 'f', 9.42477796076938).t.size(), 2);
-  EXPECT_EQ(read_time_table("t,f0\n0,0\n9.424777960,0\n", "f.csv", 'f', 9.42477796076938).t.size(), 2);
+  EXPECT_EQ(table_until(9.42477796076938, "t,f0\n-1,0\n9.42477796077,0\n").t.size(), 2);
+  EXPECT_EQ(table_until(9.42477796076938, "t,f0\n0,0\n9.424777960,0\n").t.size(), 2);
 }
 
 TEST(TimeTable, MistakesNameTheirLine) {
@@ -160,7 +166,7 @@ TEST(TimeTable, MistakesNameTheirLine) {
       {"t,f0\n0,1\n2,inf\n", "f.csv:3: 'inf' is no finite number"},
   };
   for (const Refused& bad : cases) {
-    const std::string found = refusal([&] { read_time_table(bad.text, "f.csv", 'f', 2); });
+    const std::string found = refusal([&] { table_until(2, bad.text); });
     EXPECT_TRUE(found.starts_with(bad.message)) << found << "\nexpected: " << bad.message;
   }
 }

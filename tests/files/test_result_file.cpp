@@ -4,12 +4,14 @@
 #include "files/checkpoint.hpp"
 #include "files/result_file.hpp"
 #include "files/stored_result.hpp"
+#include "files/sweep_file.hpp"
 #include "tests/files/hdf5_reading.hpp"
 
 #include <hdf5_hl.h>
 #include <unistd.h>
 
 #include <fstream>
+#include <numeric>
 #include <random>
 
 namespace bromwich {
@@ -231,6 +233,45 @@ TEST_F(ResultFileTest, DamagedCheckpoints) {
       read_checkpoint(target("d.h5"));
     } catch (const Error&) {
     }
+  }
+}
+
+// Chunks of whole scenes are compressed by this program, those of a part of a scene by the library: both are read by
+// it.
+TEST_F(ResultFileTest, SweepsInBlocksOfAnySize) {
+  for (const auto& [rows, blocks] :
+       {std::pair(Index(257), std::vector<Index>{1, 40, 29, 62, 3}), {Index(40'000), std::vector<Index>{1, 1}}}) {
+    const Index n = 4, scenes = std::accumulate(blocks.begin(), blocks.end(), Index(0));
+    const RowMatrix parameters = RowMatrix::Random(scenes, 1), y = RowMatrix::Random(scenes * rows, n),
+                    w = RowMatrix::Random(scenes * rows, n), x = RowMatrix::Random(scenes * rows, 2);
+    const Vector residual = Vector::Random(scenes);
+    ResultColumns of_sweep = columns(n, {0, 3});
+    of_sweep.slack = true;
+    const Sweep sweep{{"R"}, parameters, {}};
+    const FileTarget to = target("sweep.h5");
+    {
+      const auto file = create_sweep_hdf5(to, of_sweep, sweep, Vector::LinSpaced(rows, 0, 1));
+      Index first = 0;
+      for (const Index count : blocks) {
+        file->append({parameters.middleRows(first, count), residual.segment(first, count),
+                      y.middleRows(first * rows, count * rows), w.middleRows(first * rows, count * rows),
+                      x.middleRows(first * rows, count * rows)},
+                     HostThreads());
+        first += count;
+      }
+      const std::vector<std::string> words(std::size_t(scenes), "solved");
+      file->finish(words, words, words, {});
+    }
+    const Hdf5Reading found(to.path);
+    for (const auto& [name, values] : {std::pair("y", &y), {"w", &w}, {"x", &x}}) {
+      ASSERT_EQ(found.shape(name), (std::vector<hsize_t>{hsize_t(scenes), hsize_t(rows), hsize_t(values->cols())}));
+      const RowMatrix all = found.rows(name);
+      EXPECT_TRUE(Eigen::Map<const Vector>(all.data(), all.size()) ==
+                  Eigen::Map<const Vector>(values->data(), values->size()))
+          << name;
+    }
+    EXPECT_TRUE(found.rows("R") == parameters);
+    EXPECT_TRUE(found.rows("residual").col(0) == residual);
   }
 }
 

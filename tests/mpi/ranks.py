@@ -145,6 +145,8 @@ def sweeps(folder):
     assert job.returncode != 0 and not out.exists() and len(list(parts.glob("*.block"))) > 2
     other = on(2, "solve", str(scene), "--steps", "100", "--out", str(out), "--restart", str(parts))
     assert "is of another sweep" in other.stderr and other.returncode == 2, other.stderr
+    other = on(2, "solve", str(scene), "--columns", "y0,w0", "--out", str(out), "--restart", str(parts))
+    assert "is of another sweep" in other.stderr and other.returncode == 2, other.stderr
     assert on(3, "solve", str(scene), "--out", str(out), "--restart", str(parts)).returncode == 3
     same_sweep(expected, rows_of(out))
 
