@@ -242,7 +242,25 @@ def scale_gpu(data):
         f"with the copy of y to the host, {largest['bytes'] / 1e9:.0f} GB in all.",
         *(["", sweep_over_devices(sweeps)] if sweeps else []),
         "",
-        f"Two of {data['details']['scale255']['device']}, {machine(data)}.",
+        f"Two and four of {data['details']['scale255']['device']}, {machine(data)}.",
+    ]
+
+
+def timeline(data):
+    """What devices do in a solve, and what their messages take beside the model."""
+    kinds = [kind for kind in data["rows"][0]["seconds"][0] if kind != "other"]
+    lines = ["| Q | devices | " + " | ".join(kinds) + " | messages: states, rows, grids | transfer | model | ratio |", "|--" * (len(kinds) + 6) + "|"]
+    for row in data["rows"]:
+        times = [seconds(sum(of_rank[kind] for of_rank in row["seconds"])) for kind in kinds]
+        found = row.get("messages")
+        sent = [", ".join(str(found["numbers"][name]) for name in ("states", "rows", "gathers")), seconds(found["transfer"]),
+                seconds(found["model"]), f"{found['ratio']:.2f}"] if found else [""] * 4
+        lines.append(f"| {row['Q']} | {row['ranks']} | {' | '.join([*times, *sent])} |")
+    return lines + [
+        "",
+        "Times of kinds are summed over the devices. \"Messages\" is with what devices wait for one another, \"transfer\" without it: the shortest "
+        "time of each message over the devices. The model is latency + bytes / bandwidth of each message, terms as measured for messages alone. "
+        f"{data['device']}, commit {data['commit'][:9]}.",
     ]
 
 
