@@ -2,6 +2,7 @@
 
 #include "app/ranks.hpp"
 #include "app/text.hpp"
+#include "app/times_of_run.hpp"
 #include "core/base/error.hpp"
 #include "core/base/timer.hpp"
 #include "core/scene/separable.hpp"
@@ -67,8 +68,14 @@ class PartSolver {
   PartSolver(const Scene& scene, Backend& backend, const Options& options)
       : scene_(scene), backend_(backend), options_(options) {}
 
-  Result solve(double t, double length, Index steps, const Vector& x) {
+  Result solve(const TimesOfRun& times, const Vector& x) {
+    const double t = times.of(0), length = times.length;
+    const Index steps = times.steps;
     part_ = part_of(scene_, t, length, x);
+    for (const auto source : {&Scene::f, &Scene::g})
+      if (scene_.*source)
+        part_.*source = [given = scene_.*source, times](double s, Eigen::Ref<Vector> v) { given(times.of(s), v); };
+    part_.breakpoints = times.in_part(scene_.breakpoints);
     part_.exact = {};
     part_.default_steps = steps;
     if (!solver_ || steps != steps_) {
@@ -229,7 +236,7 @@ class PartsRun {
   void advance() {
     const Index begin = state_.row, end = end_of_part(begin), steps = end - begin;
     const double t = boundaries_.time(begin);
-    Result part = solver_.solve(t, boundaries_.time(end) - t, steps, state_.x);
+    Result part = solver_.solve({scene_.T, options_.steps, begin, boundaries_.time(end) - t, steps}, state_.x);
     const Index valid = valid_steps(part);
     const bool first = begin == 0;
     add(total_, part, begin == start_);

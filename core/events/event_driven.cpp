@@ -48,7 +48,7 @@ class EventIntegration {
     at_.sizes.u = {of_x, of_x, of_x, of_y, of_y, of_y};
     at_.h = longest_;
     at_.x = scene.x0;
-    at_.y = at_.integral = solution_.doubt = of_y;
+    at_.y = at_.integral = at_.sizes.y = solution_.doubt = of_y;
   }
 
   EventSolution run() {
@@ -115,7 +115,7 @@ class EventIntegration {
   void note_jump_of_y(const Vector& before, const EventStep& step) {
     if (n_ == 0) return;
     const Vector after = step.y.transpose() * legendre(0);
-    const double size = std::max(size_y_, step.y.cwiseAbs().colwise().sum().maxCoeff());
+    const double size = std::max(at_.sizes.y.maxCoeff(), step.y.cwiseAbs().colwise().sum().maxCoeff());
     if ((after - before).cwiseAbs().maxCoeff() > 1e-6 * size) solution_.continuous = false;
   }
 
@@ -131,7 +131,6 @@ class EventIntegration {
     const Vector values = legendre(step.valid);
     at_.x = step.x.transpose() * values;
     at_.y = step.y.transpose() * values;
-    if (n_ > 0) size_y_ = std::max(size_y_, step.y.cwiseAbs().colwise().sum().maxCoeff());
     at_.integral += step.length * (step.y.transpose() * legendre_integrals(step.valid));
     at_.t = to;
     if (step.valid >= 1) propose_length(step);
@@ -254,7 +253,6 @@ class EventIntegration {
   bool enumerates_ = false;   ///< tries all active sets
   Index pending_event_ = -1;  ///< the component that ended the last step
   int unknown_ = 0;           ///< short steps since an active set was known
-  double size_y_ = 0;
   std::size_t stored_ = 0;
   EventSolution solution_;
 };

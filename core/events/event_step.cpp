@@ -27,13 +27,16 @@ Matrix without_x(const Jet& rows, const EventStep& p) {
   return sum;
 }
 
-// The last two coefficients, or a difference that was seen, relative to the sizes.
-double tail(const Matrix& c, const Vector& size, const Vector& off) {
+// The last two coefficients, or a difference that was seen, relative to the sizes. Coefficients up to `rounding` count
+// as zero.
+double tail(const Matrix& c, const Vector& size, const Vector& off, const Vector& rounding) {
   if (size.size() == 0) return 0;
   const double floor = 1e-4 * size.maxCoeff() + 1e-280;
   double largest = 0;
   for (Index i = 0; i < c.cols(); ++i) {
-    const double last = std::abs(c(degree, i)) + std::abs(c(degree - 1, i)), seen = off.size() > 0 ? off[i] : 0;
+    double last = std::abs(c(degree, i)) + std::abs(c(degree - 1, i));
+    if (rounding.size() > 0) last = std::max(0.0, last - rounding[i]);
+    const double seen = off.size() > 0 ? off[i] : 0;
     const double share = std::max(last, seen) / std::max(size[i], floor);
     if (!std::isfinite(share)) return INFINITY;
     largest = std::max(largest, share);
@@ -47,16 +50,32 @@ Vector larger(const Vector& before, const Matrix& c) {
   return before.cwiseMax(c.cwiseAbs().colwise().sum().transpose());
 }
 
+// h (I - hA)^{-1}: how constant inputs move the state in a step of implicit Euler. Fast modes that decay count with the
+// states to which they tend, and not with h times their rates.
+Matrix moved_within(double h, const Matrix& A) {
+  const Index m = A.rows();
+  return h * (Matrix::Identity(m, m) - h * A).partialPivLu().inverse();
+}
+
 }  // namespace
 
-JetValues EventSizes::with(const EventStep& step) const {
-  return {larger(u.x, step.x),         larger(u.f, step.sources.f), larger(u.df, step.df),
-          larger(u.g, step.sources.g), larger(u.dg, step.dg),       larger(u.ddg, step.ddg)};
+EventSizes EventSizes::with(const EventStep& step) const {
+  return {{larger(u.x, step.x), larger(u.f, step.sources.f), larger(u.df, step.df), larger(u.g, step.sources.g),
+           larger(u.dg, step.dg), larger(u.ddg, step.ddg)},
+          larger(y, step.y)};
 }
 
 EventSteps::EventSteps(const SystemMatrices& system, const EventSources& sources, double T, double tolerance,
                        double longest)
-    : system_(system), sources_(sources), T_(T), tolerance_(tolerance), longest_(longest) {}
+    : system_(system),
+      sources_(sources),
+      T_(T),
+      tolerance_(tolerance),
+      longest_(longest),
+      by_f_within_T_(moved_within(T, system.A).cwiseAbs()),
+      by_y_within_T_((moved_within(T, system.A) * system.B).cwiseAbs()),
+      by_f_within_step_(moved_within(longest, system.A).cwiseAbs()),
+      by_y_within_step_((moved_within(longest, system.A) * system.B).cwiseAbs()) {}
 
 double EventSteps::noise() const { return noise_share * tolerance_; }
 
@@ -73,12 +92,12 @@ double EventSteps::sample_resolved(const SwitchedMode& mode, const EventPoint& p
   double h = longest_from(p) / 16;
   for (int k = 0;; ++k, h /= 4) {
     sample(mode, p.t, h, step);
-    if (k == most_shortened || source_defect(p.sizes.with(step), step.sources) <= 0.1 * tolerance_) return h;
+    if (k == most_shortened || source_defect(p.sizes.with(step).u, step.sources) <= 0.1 * tolerance_) return h;
   }
 }
 
 double EventSteps::source_defect(const JetValues& size, const EventSources::Polynomials& p) const {
-  return std::max(tail(p.f, size.f, p.off_f), tail(p.g, size.g, p.off_g));
+  return std::max(tail(p.f, size.f, p.off_f, {}), tail(p.g, size.g, p.off_g, {}));
 }
 
 // I - h lambda A_S for the eigenvalues lambda of the Radau matrix.
@@ -123,8 +142,8 @@ EventStep EventSteps::attempt(const SwitchedMode& mode, EventPoint& p, double h)
   step.x.row(0) += p.x.transpose();
   step.y = step.x * mode.y.x.transpose() + y_of_sources;
   step.w = step.x * system_.N.transpose() + step.y * system_.M.transpose() + step.sources.g;
-  const JetValues size = p.sizes.with(step);
-  step.defect = std::max(tail(step.x, size.x, {}), source_defect(size, step.sources));
+  const EventSizes size = p.sizes.with(step);
+  step.defect = std::max(tail(step.x, size.u.x, {}, rounding_of_x(size)), source_defect(size.u, step.sources));
   p.work +=
       double((degree + 1) * (degree + 1) * (6 * m + 3 * n) + 80 * m * m + (degree + 1) * (4 * m * n + 2 * n * n)) +
       overhead;
@@ -139,15 +158,17 @@ bool EventSteps::sources_agree(const SwitchedMode& mode, const JetValues& size, 
   return !((off - 30 * noise() * terms(mode.condition_terms, size)).array() > 0).any();
 }
 
-// Whether values of y that count as zero move the state by less than `unseen` of it, or of what y moves: otherwise
-// terms of y cancel so far, by a small entry of M say, that its sign is not known.
+// Whether values of y that count as zero move the state within T by less than `unseen` of it, or of what y moves:
+// otherwise terms of y cancel so far, by a small entry of M say, that its sign is not known.
 bool EventSteps::y_is_known(const SwitchedMode& mode, const EventPoint& p, const EventStep& step) const {
-  const JetValues size = p.sizes.with(step);
-  const Vector zero = noise() * terms(mode.y, size);
-  const Vector moved = T_ * (system_.B.cwiseAbs() * zero), within = size.x.cwiseMax(T_ * size.f);
-  const Vector by_y = T_ * (system_.B.cwiseAbs() * larger(Vector::Zero(zero.size()), step.y));
-  return moved.maxCoeff() <=
-         unseen * std::max({within.maxCoeff(), T_ * (system_.A.cwiseAbs() * size.x).maxCoeff(), by_y.maxCoeff()});
+  const JetValues size = p.sizes.with(step).u;
+  const Vector moved = by_y_within_T_ * (noise() * terms(mode.y, size)), by_f = by_f_within_T_ * size.f,
+               by_y = by_y_within_T_ * larger(Vector::Zero(system_.constraints()), step.y);
+  return moved.maxCoeff() <= unseen * size.x.cwiseMax(by_f).cwiseMax(by_y).maxCoeff();
+}
+
+Vector EventSteps::rounding_of_x(const EventSizes& sizes) const {
+  return 64 * epsilon * (by_f_within_step_ * sizes.u.f + by_y_within_step_ * sizes.y);
 }
 
 // Negative values that count as zero are of a solution nearby. Where that is another one, with y_i > 0 and w_i = 0,
@@ -171,7 +192,7 @@ Vector EventSteps::doubt(const SwitchedMode& mode, const Vector& of_y, const Vec
 // The part of the step on which y and w are nonnegative.
 void EventSteps::find_event(const SwitchedMode& mode, const EventPoint& p, EventStep& step) const {
   const Collocation& c = Collocation::get();
-  const JetValues size = p.sizes.with(step);
+  const JetValues size = p.sizes.with(step).u;
   const Vector of_y = terms(mode.y, size);
   const Vector of_w = system_.N.cwiseAbs() * size.x + system_.M.cwiseAbs() * of_y + size.g;
   if (!sources_agree(mode, size, step)) {
@@ -214,7 +235,7 @@ void EventSteps::look_closer(EventPoint& p, EventStep& step) const {
     p.work += double(count) * work_of_sources();
   }
   p.work += 2 * work_of_sources();
-  step.defect = std::max(step.defect, source_defect(p.sizes.with(step), step.sources));
+  step.defect = std::max(step.defect, source_defect(p.sizes.with(step).u, step.sources));
 }
 
 bool EventSteps::resolve(const SwitchedMode& mode, EventPoint& p, EventStep& step) {

@@ -24,10 +24,11 @@ struct EventStep {
 /// Largest absolute values of each component so far.
 struct EventSizes {
   JetValues u;
+  Vector y;
 
-  void include(const EventStep& step) { u = with(step); }
+  void include(const EventStep& step) { *this = with(step); }
   void include_x(const Vector& x) { u.x = u.x.cwiseMax(x.cwiseAbs()); }
-  JetValues with(const EventStep&) const;
+  EventSizes with(const EventStep&) const;
 };
 
 /// Where the integration is.
@@ -50,6 +51,8 @@ class EventSteps {
   double longest_from(const EventPoint& p) const { return std::min({p.h, longest_, p.end - p.t}); }
   /// Values below this share of the sum of their terms count as zero.
   double noise() const;
+  /// Of a state at rest, whose own size says nothing of the terms that cancel in its changes: m values.
+  Vector rounding_of_x(const EventSizes&) const;
   /// Whether a step was refused since rounding of y moves the state: the sign of y is not known.
   bool sign_is_lost() const { return sign_is_lost_; }
 
@@ -73,6 +76,8 @@ class EventSteps {
   const SystemMatrices& system_;
   const EventSources& sources_;
   double T_, tolerance_, longest_;
+  /// How constant values of f and y move the state within T, and within the longest step.
+  Matrix by_f_within_T_, by_y_within_T_, by_f_within_step_, by_y_within_step_;
   std::vector<Eigen::PartialPivLU<ComplexMatrix>> factors_;  ///< kept as long as mode and h stay
   const SwitchedMode* factored_mode_ = nullptr;
   double factored_h_ = 0;

@@ -112,16 +112,14 @@ Split split(const Matrix& U, const Jet& C) {
   return {Matrix(W.topRows(rank)) * rows, K * conditions, Matrix((K * rest).cwiseAbs()) * sum};
 }
 
-// y_S = -E^+ C, of least norm. Directions that E leaves open may move neither the state nor w.
+// y_S = -E^+ C, of least norm. Directions that E leaves open may not move the state. They may move w elsewhere, as of
+// relays that act alike: then the set lasts as long as w stays nonnegative.
 bool determine_y(const SystemMatrices& s, const std::vector<Index>& active, const Eigen::JacobiSVD<Matrix>& svd,
                  Index rank, const Jet& C, Jet& y) {
   const Index a = Index(active.size());
   const Matrix open = svd.matrixV().rightCols(a - rank);
-  const auto moves = [&](const Matrix& by) {
-    const Matrix block = by(Eigen::all, active);
-    return open.cols() > 0 && (block * open).cwiseAbs().maxCoeff() > 1e-8 * block.cwiseAbs().maxCoeff();
-  };
-  if (moves(s.B) || moves(s.M)) return false;
+  const Matrix B = s.B(Eigen::all, active);
+  if (open.cols() > 0 && (B * open).cwiseAbs().maxCoeff() > 1e-8 * B.cwiseAbs().maxCoeff()) return false;
   const Matrix inverse = svd.matrixV().leftCols(rank) * svd.singularValues().head(rank).cwiseInverse().asDiagonal() *
                          svd.matrixU().leftCols(rank).transpose();
   Matrix select = Matrix::Zero(s.constraints(), a);

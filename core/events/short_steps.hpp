@@ -15,6 +15,9 @@ class ShortSteps {
   /// Whether the complementarity problems of short steps determine the solution. `lcp_class`: of M.
   bool unique(LcpClass lcp_class);
 
+  /// Whether they determine y too, and not only the state. After `unique`.
+  bool determine_y() const { return has_one_solution(class_); }
+
   struct Step {
     bool solved = false;
     Vector y, x;

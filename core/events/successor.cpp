@@ -5,12 +5,14 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <utility>
 
 namespace bromwich {
 
 namespace {
 
 constexpr int most_jumps_at_once = 12;
+constexpr double less_y = 1 - 1e-6;  ///< norms of y nearer to each other are equal
 
 std::vector<Index> support(const Vector& y) {
   std::vector<Index> set;
@@ -37,10 +39,11 @@ Vector Successor::touching(const EventPoint& p, bool y_is_known) const {
   const Vector w = system_.N * p.x + system_.M * p.y + g;
   const Vector of_w = system_.N.cwiseAbs() * p.sizes.u.x.cwiseMax(p.x.cwiseAbs()) +
                       system_.M.cwiseAbs() * p.y.cwiseAbs() + p.sizes.u.g.cwiseMax(g.cwiseAbs());
+  const Vector rounding = system_.N.cwiseAbs() * steps_.rounding_of_x(p.sizes);
   Vector offset = Vector::Zero(w.size());
   for (Index i = 0; i < w.size(); ++i) {
     const bool depends = system_.M.row(i).cwiseAbs().maxCoeff() > 0;
-    if ((!depends || y_is_known) && std::abs(w[i]) <= 10 * steps_.noise() * of_w[i]) offset[i] = w[i];
+    if ((!depends || y_is_known) && std::abs(w[i]) <= 10 * steps_.noise() * of_w[i] + rounding[i]) offset[i] = w[i];
   }
   return offset;
 }
@@ -56,7 +59,7 @@ JetValues Successor::sources_at(const SwitchedMode& mode, const EventPoint& p, J
   };
   const Index m = system_.states(), n = system_.constraints();
   const Matrix dg = Collocation::get().derivative * here.sources.g / h;
-  size = p.sizes.with(here);
+  size = p.sizes.with(here).u;
   size.x = size.x.cwiseMax(p.x.cwiseAbs());
   size.dg = size.dg.cwiseMax(start(dg, n).cwiseAbs());
   return {p.x, start(here.sources.f, m), start(here.df, m), start(here.sources.g, n), start(dg, n), start(here.ddg, n)};
@@ -100,8 +103,9 @@ Successor::Entry Successor::enter(const SwitchedMode& mode, EventPoint& p, Impul
   const JetValues u = sources_at(mode, p, size);
   const Vector off = evaluate(mode.constraints, u);
   const Vector of = terms(mode.constraints, size);
+  const Vector rounding = mode.constraints.x.cwiseAbs() * steps_.rounding_of_x(p.sizes);
   const Vector impulse = mode.impulse * off;
-  const bool jumps = ((off.cwiseAbs() - 30 * steps_.noise() * of).array() > 0).any();
+  const bool jumps = ((off.cwiseAbs() - 30 * steps_.noise() * of - rounding).array() > 0).any();
   if (jumps && !may_jump(mode, u, of, impulse)) return Entry::refused;
   if (jumps && impulses == Impulses::of_short_steps && !is_limit_of_short_steps(p, impulse)) return Entry::refused;
   p.x += system_.B * impulse;
@@ -146,6 +150,25 @@ Successor::Entry Successor::attempt_proposed(double h, const Vector& offset, Eve
   return Entry::refused;
 }
 
+// Where y is not unique, the set of the y of least norm of a short step, if it lasts and leads to the same state.
+void Successor::prefer_least_norm(double h, const Vector& offset, EventPoint& p) {
+  constexpr double share = 1e-3;
+  const ShortSteps::Step proposed = short_steps_.take(p.t, share * h, p.x, offset);
+  if (!proposed.solved || !proposed.y.allFinite()) return;
+  const std::vector<Index> set = support(proposed.y);
+  if (!tried_.insert(set).second) return;
+  const Candidate first = std::exchange(best_, {});
+  const std::size_t impulses = impulses_.size();
+  EventPoint here = p;
+  found_ = false;
+  const Entry entry = attempt(set, 0.5 * share * h, here);
+  p.work = here.work;
+  impulses_.resize(impulses);
+  const bool less = entry == Entry::smooth && found_ && best_.mean_y() < less_y * first.mean_y();
+  if (!less || !lead_to_the_same(best_, first, p)) best_ = first;
+  found_ = true;
+}
+
 Successor::Choice Successor::choose(EventPoint& p, bool y_is_known, const std::optional<std::vector<Index>>& likely) {
   p.sizes.include_x(p.x);
   impulses_.clear();
@@ -159,7 +182,10 @@ Successor::Choice Successor::choose(EventPoint& p, bool y_is_known, const std::o
       tried_.insert(*likely);
       entry = attempt(*likely, 1e-3 * h, p);
     }
-    if (!found_ && entry != Entry::jumped) entry = attempt_proposed(h, touching(p, y_is_known), p);
+    if (!found_ && entry != Entry::jumped)
+      entry = attempt_proposed(h, touching(p, y_is_known), p);
+    else if (found_ && !short_steps_.determine_y())
+      prefer_least_norm(h, touching(p, y_is_known), p);
     y_is_known = false;
     if (!found_ && entry == Entry::jumped) continue;
     // If none lasts, the next event is very near.
@@ -176,7 +202,7 @@ bool Successor::lead_to_the_same(const Candidate& a, const Candidate& b, const E
   const double common = std::min(a.lasts, b.lasts);
   const Vector off =
       a.step.x.transpose() * legendre(common / a.step.length) - b.step.x.transpose() * legendre(common / b.step.length);
-  const Vector size = p.sizes.with(a.step).x;
+  const Vector size = p.sizes.with(a.step).u.x;
   const double share = 1e-6 + 100 * steps_.noise();
   return !((off.cwiseAbs() - share * size.cwiseMax(1e-3 * size.maxCoeff())).array() > 0).any();
 }
@@ -230,6 +256,11 @@ std::vector<Successor::Candidate> Successor::smooth_candidates(EventPoint& p) {
   return candidates;
 }
 
+// The norm of the mean of y as long as the set lasts.
+double Successor::Candidate::mean_y() const {
+  return (step.y.transpose() * legendre_integrals(step.valid)).norm() / step.valid;
+}
+
 Successor::Choice Successor::choose_among_all(EventPoint& p) {
   constexpr double brief = 1e-3;  // of the longest: what lasts shorter touches its end by rounding
   p.sizes.include_x(p.x);
@@ -237,11 +268,16 @@ Successor::Choice Successor::choose_among_all(EventPoint& p) {
   std::vector<Candidate> candidates = smooth_candidates(p);
   if (candidates.empty() && jump_by_the_only_impulse(p)) candidates = smooth_candidates(p);
   if (candidates.empty()) return {};
-  Candidate& best = *std::max_element(candidates.begin(), candidates.end(),
-                                      [](const Candidate& a, const Candidate& b) { return a.lasts < b.lasts; });
+  const auto longest = std::max_element(candidates.begin(), candidates.end(),
+                                        [](const Candidate& a, const Candidate& b) { return a.lasts < b.lasts; });
   Choice choice;
-  for (const Candidate& other : candidates)
-    if (other.lasts > brief * best.lasts && !lead_to_the_same(other, best, p)) choice.unique = false;
+  Candidate* least = &*longest;
+  for (Candidate& other : candidates) {
+    if (!(other.lasts > brief * longest->lasts)) continue;
+    if (!lead_to_the_same(other, *longest, p)) choice.unique = false;
+    if (other.mean_y() < less_y * least->mean_y()) least = &other;
+  }
+  Candidate& best = *least;
   p.x = best.x;
   p.integral = best.integral;
   choice.mode = best.mode;

@@ -34,8 +34,9 @@ class Successor {
   /// Moves x and the integral of `p` by the impulses. `y_is_known`: y of `p` is the limit from the left. `likely`:
   /// tried first.
   Choice choose(EventPoint& p, bool y_is_known, const std::optional<std::vector<Index>>& likely);
-  /// Where the problems of short steps do not determine the solution: tries all active sets (n <= 5). Where none
-  /// continues without a jump, the state jumps if all impulses that may be lead to one state.
+  /// Where the problems of short steps do not determine the solution: tries all active sets (n <= 5), and takes y of
+  /// least norm where several lead to one state. Where none continues without a jump, the state jumps if all impulses
+  /// that may be lead to one state.
   Choice choose_among_all(EventPoint& p);
 
  private:
@@ -47,6 +48,8 @@ class Successor {
     double lasts = 0;
     EventStep step = {};
     Vector x = {}, integral = {};
+
+    double mean_y() const;
   };
 
   const SwitchedMode* mode_of(const std::vector<Index>& active);
@@ -61,6 +64,7 @@ class Successor {
   bool lead_to_the_same(const Candidate&, const Candidate&, const EventPoint&) const;
   Entry attempt(const std::vector<Index>& set, double least, EventPoint&);
   Entry attempt_proposed(double h, const Vector& offset, EventPoint&);
+  void prefer_least_norm(double h, const Vector& offset, EventPoint&);
 
   const SystemMatrices& system_;
   const EventSources& sources_;

@@ -108,6 +108,7 @@ void Certification::certify(Method method, Result& result) {
   }
   confirm(method, m, result);
   if (result.status == Status::solved) resolve_modes(method, m.x, result);
+  if (result.status == Status::solved) doubt_many_jumps(method, result);
   if (result.status == Status::solved) look_for_other_solutions(result);
 }
 
@@ -192,6 +193,23 @@ void Certification::resolve_modes(Method method, const RowMatrix& known, Result&
   } else {
     add_warning(result, words);
   }
+}
+
+// Steps are divided where sources jump, and between the jumps y switches as it does in single steps. Where there is a
+// jump in every other step or more, grids of twice the steps have parts of the same length. Steps shorter than these
+// say whether that is enough.
+void Certification::doubt_many_jumps(Method method, Result& result) {
+  constexpr Index parts_of_a_part = 4, largest_factor = 64, most_steps = Index(1) << 19;
+  constexpr double seen = 0.5;  // of what a step may miss
+  const DiscreteProblem& p = methods_.problem();
+  const Index jumps = Index(p.scene.breakpoints.size());
+  if (!p.sources || 2 * jumps < p.J || iterates(method)) return;
+  Index factor = 2;
+  while (factor * p.J < parts_of_a_part * jumps && factor < largest_factor) factor *= 2;
+  if (factor * p.J > most_steps || comes_out_the_same(method, factor, {seen, seen}, result)) return;
+  add_warning(result, text("f or g jumps or has a kink %.2g times a step, and with %ld steps another result comes out: "
+                           "use more steps",
+                           double(jumps) / double(p.J), long(factor * p.J)));
 }
 
 // Only a grid that follows the mode can say whether it matters.

@@ -172,7 +172,8 @@ std::optional<std::string> GridRefinement::verdict() const {
 
 std::optional<std::string> GridRefinement::why_unchecked() const {
   if (!solved_->jumps_inside && !takes_g_at_points())
-    return "the state may jump, and method march does not solve the same grid to compare it with";
+    return "the state may jump or is faster than a step, and method march does not solve the same grid to compare it "
+           "with";
   const std::string jumps =
       "g jumps or has a kink inside steps, and this method takes its values at their ends alone: ";
   // Other scenes whose steps are not divided are marched with the same values.

@@ -59,33 +59,41 @@ void check_event_location(const Scene& scene, const Options& options) {
     throw Error("event_location", std::string("found with method ") + to_string(options.method), "use method galerkin");
 }
 
-// Moments follow f and g inside an interval, and y is linear there. Where sources jump or go up and down inside
-// intervals, method march, which takes such steps in parts, says how much that matters.
+// Whether y moves the state, or the state itself, within a part of an interval.
+bool has_fast_layers(const Scene& scene, Index J) {
+  const DenseDynamics* d = scene.dynamics->small_state();
+  return d && !scene.boundary && scene.T / double(J) * d->A.cwiseAbs().rowwise().sum().maxCoeff() > 1;
+}
+
+// y is linear inside an interval. Where sources jump or go up and down there (moments follow f and g), or the state is
+// faster, method march, which takes such steps in parts or damps them, says how much that matters.
 bool compare_with_march(const Scene& scene, Backend& backend, const InnerOptions& options, const Solve& solve,
                         const RowMatrix& x, Result& result) {
-  if (result.rough_steps == 0 || !scene.free_rows.empty()) return false;
+  if (!scene.free_rows.empty()) return false;
+  const bool layers = result.rough_steps == 0;
+  if (layers && !has_fast_layers(scene, result.steps)) return false;
   if (scene.boundary && !Methods::has_small_dense_state(scene)) return false;  // all states are needed in between
   const Result march = beside_march(scene, backend, options, solve, result, x);
-  const std::string where = text("f or g jumps or changes fast inside %ld of %ld intervals, where y is linear",
-                                 long(result.rough_steps), long(result.steps));
+  const std::string where = layers ? std::string("the state or y is faster than an interval, in which y is linear")
+                                   : text("f or g jumps or changes fast inside %ld of %ld intervals, where y is linear",
+                                          long(result.rough_steps), long(result.steps));
   if (march.status == Status::interrupted) return false;
   if (march.status != Status::solved) {
-    if (scene.boundary) return false;  // the states of the result need not be those that march allows
+    if (scene.boundary || layers) return false;  // the states of the result need not be those that march allows
     add_warning(result, where + ", and the result could not be compared: method march ends with: " + march.reason);
     return true;
   }
   const Distance d = distance(march, 1, result, 1, ComponentSizes{});
-  result.unresolved_sources = std::max(d.mean, d.of_x());
-  if (result.unresolved_sources > seen_beside_march)
-    add_warning(result,
-                where + text(": method march, which takes them in parts, differs by %.0f %%: use more steps, or "
-                             "method march",
-                             100 * result.unresolved_sources));
-  else if (d.y > seen_in_rows)
+  const double apart = std::max(d.mean, d.of_x());
+  if (!layers) result.unresolved_sources = apart;
+  if (apart > seen_beside_march)
+    add_warning(result, where + text(": method march, which %s, differs by %.0f %%: use more steps, or method march",
+                                     layers ? "damps them" : "takes them in parts", 100 * apart));
+  else if (!layers && d.y > seen_in_rows)
     add_warning(result, where + text(": beside them y differs from that of method march, which takes them in parts, by "
                                      "up to %.0f %%",
                                      100 * d.y));
-  return true;
+  return !layers;
 }
 
 // Without such a comparison, g that changes fast is named; jumps that are named have intervals with a rule of their

@@ -1,5 +1,6 @@
 // Files of --out in all formats, killed and restarted runs, full disks.
 
+#include "app/times_of_run.hpp"
 #include "tests/app/cli.hpp"
 #include "tests/files/hdf5_reading.hpp"
 
@@ -215,6 +216,32 @@ TEST_F(CliOutput, AKilledRunIsReadAndContinued) {
     ++continued;
   }
   RecordProperty("continued", continued);
+}
+
+// f and g may jump at time points, and just beside them they have their values from that side.
+TEST(TimesOfRun, TimePointsOfPartsAreThoseOfTheRun) {
+  const double T = 0.1;
+  const Index J = 200000;
+  const auto time = [=](Index j) { return double(j) * T / double(J); };
+  Index rounded = 0;
+  for (const Index begin : {0, 4096, 61440, 135168}) {
+    const Index steps = 4096;
+    const app::TimesOfRun times{T, J, begin, time(begin + steps) - time(begin), steps};
+    std::vector<double> breakpoints;
+    for (Index k = 0; k <= steps; ++k) {
+      const double s = times.length * double(k) / double(steps), at = time(begin + k);
+      ASSERT_EQ(times.of(s), at);
+      rounded += time(begin) + s != at;
+      const double beside = 256 * epsilon * times.length;
+      EXPECT_TRUE(k == 0 || times.of(s - beside) < at);
+      EXPECT_GT(times.of(s + beside), at);
+      breakpoints.push_back(at);
+    }
+    const std::vector<double> inside = times.in_part(breakpoints);
+    ASSERT_EQ(Index(inside.size()), steps - 1);
+    EXPECT_EQ(inside[7], times.length * 8 / double(steps));
+  }
+  EXPECT_GT(rounded, 100) << "the sum of both times would do";
 }
 
 TEST_F(CliOutput, AStoppedRunIsContinued) {

@@ -1,7 +1,6 @@
 // Event-driven integration against solutions by hand and the independent event-located oracle.
 
 #include "core/events/event_driven.hpp"
-#include "core/scene/relay.hpp"
 #include "tests/support/random_sources.hpp"
 
 #include <gtest/gtest.h>
@@ -41,20 +40,6 @@ TEST(EventDriven, ABallComesToRestOnARigidFloor) {
   EXPECT_NEAR(s.x(2, true).norm(), 0, 1e-9);
   EXPECT_NEAR(s.y(2, true)[0], 1, 1e-9);
   EXPECT_NEAR(s.integral_of_y(3, true)[0], 1 + 2, 1e-9) << "the impulse and the weight";
-}
-
-// x' = -x + 2 lambda, lambda in -Sgn(x - sin t), x(0) = 0: x = sin t slides from the start, where x, its surface and
-// all that was seen of them are zero. 2 lambda = cos t + sin t, y_0 = (1 - lambda)/2.
-TEST(EventDriven, ARelaySlidesFromTheOrigin) {
-  const auto e = [](double t, Eigen::Ref<Vector> v) { v.setConstant(-std::sin(t)); };
-  Scene scene = relay_scene(Matrix{{-1}}, Matrix{{2}}, Matrix{{1}}, {}, Vector::Zero(1), e);
-  scene.T = 6;
-  const EventSolution s = integrate_with_events(scene, LcpClass::PSD, {}, {});
-  ASSERT_TRUE(s.complete) << s.reason;
-  for (const double t : {0.5, 2.0, 5.9}) {  // EventOptions::tolerance
-    EXPECT_NEAR(s.x(t, true)[0], std::sin(t), 1e-9);
-    EXPECT_NEAR(s.y(t, true)[0], 0.5 - (std::cos(t) + std::sin(t)) / 4, 1e-8);
-  }
 }
 
 // x = -1e-11 e^{-t}, w = x + 2 y + g, g = 1 up to t = 1 and 0 after it: y = 5e-12 e^{-t} from there, far below what
@@ -168,44 +153,6 @@ TEST(EventDriven, TheStateJumpsAtZero) {
   EXPECT_NEAR(s.y(0.5, true)[0], 1, 1e-9);
 }
 
-// A relay u in sgn x as y_1 = 1 - u: w_1 = x + y_2, w_2 = 2 - y_1. x' = 1/2 - u from 1 reaches 0 at t = 2 and slides
-// there with u = 1/2.
-TEST(EventDriven, ARelaySlides) {
-  Scene scene;
-  scene.dynamics = DenseDynamics{Matrix{{0}}, Matrix{{1, 0}}, Matrix{{1}, {0}}};
-  scene.M = Matrix{{0, 1}, {-1, 0}};
-  scene.f = [](double, Eigen::Ref<Vector> v) { v[0] = -0.5; };
-  scene.g = [](double, Eigen::Ref<Vector> v) { v << 0, 2; };
-  scene.x0 = Vector{{1}};
-  scene.T = 4;
-  const EventSolution s = integrate_with_events(scene, LcpClass::PSD, {}, {});
-  ASSERT_TRUE(s.complete) << s.reason;
-  EXPECT_NEAR(s.x(1, true)[0], 0.5, 1e-9);
-  EXPECT_NEAR(s.x(3, true)[0], 0, 1e-9);
-  EXPECT_NEAR(s.y(3, true)[0], 0.5, 1e-9);
-}
-
-// The twisting algorithm x'' = -sgn x - sgn(x') / 2 from (1, 0): half turns shorter by q = 1/sqrt(3) each, which end at
-// t = 2 + (2/3 + 2 q) / (1 - q) = 6.31 in the origin.
-TEST(EventDriven, TwistingEndsInTheOrigin) {
-  Scene scene;
-  scene.dynamics = DenseDynamics{Matrix{{0, 1}, {0, 0}}, Matrix{{0, 0, 0, 0}, {1, 0, 0.5, 0}},
-                                 Matrix{{1, 0}, {0, 0}, {0, 1}, {0, 0}}};
-  scene.M = Matrix{{0, 1, 0, 0}, {-1, 0, 0, 0}, {0, 0, 0, 1}, {0, 0, -1, 0}};
-  scene.f = [](double, Eigen::Ref<Vector> v) { v << 0, -1.5; };
-  scene.g = [](double, Eigen::Ref<Vector> v) { v << 0, 2, 0, 2; };
-  scene.x0 = Vector{{1, 0}};
-  scene.T = 8;
-  const EventSolution s = integrate_with_events(scene, LcpClass::PSD, {}, {});
-  if (!s.complete) {
-    EXPECT_GE(s.until, 6) << s.reason;
-    return;
-  }
-  EXPECT_NEAR(s.x(1, true)[0], 0.75, 1e-9);
-  EXPECT_NEAR(s.x(2, true)[1], -1, 1e-9);
-  EXPECT_LE(s.x(7, true).norm(), 1e-5);
-}
-
 // x' = -x / 0.8 + f with a pulse of f between 0.2754 and 0.2902, which no coarse grid has a point in.
 TEST(EventDriven, ANarrowPulseCounts) {
   Scene scene;
@@ -245,6 +192,26 @@ TEST(EventDriven, TwoSolutionsAreNoSolution) {
   const EventSolution s = integrate_with_events(scene, LcpClass::unknown, {}, {});
   EXPECT_FALSE(s.complete);
   EXPECT_NE(s.reason.find("not unique"), std::string::npos) << s.reason;
+}
+
+// x1' = 1e10 (x2 - x1 + y), x2' = 1e10 (x1 - x2) - x2, 0 <= y, x1 + y >= 1 + sin t: y holds both at 1 + sin t by values
+// of 3e-10, far below what counts as zero beside g, until that falls faster than e^{-t/2}. y = 0 from there on has to
+// be seen, or the method has to give up.
+TEST(EventDriven, GivesUpWhereAStiffStateHangsOnTheSignOfY) {
+  const double k = 1e10;
+  Scene scene;
+  scene.dynamics = DenseDynamics{Matrix{{-k, k}, {k, -k - 1}}, Matrix{{k}, {0}}, Matrix{{1, 0}}};
+  scene.M = Matrix{{1}};
+  scene.g = [](double t, Eigen::Ref<Vector> v) { v[0] = -1 - std::sin(t); };
+  scene.x0 = Vector::Zero(2);
+  scene.T = 3;
+  const EventSolution s = integrate_with_events(scene, LcpClass::P, {}, {});
+  // 1 + sin t falls by its half from t with cos t = -(1 + sin t) / 2: sin t = 3/5, and 8/5 e^{-(T - t)/2} is left.
+  const double leaves = std::numbers::pi - std::asin(0.6);
+  if (s.complete)
+    EXPECT_NEAR(s.x(scene.T, true)[1], 1.6 * std::exp(-(scene.T - leaves) / 2), 1e-6);
+  else
+    EXPECT_NE(s.reason.find("rounding decides"), std::string::npos) << s.reason;
 }
 
 // M = 1e-12: y = x / 1e-12 is the difference of terms 1e12 times as large, and its sign is not known.

@@ -255,5 +255,55 @@ TEST(Certificate, RoundingOfTheExponentialIsAvoidedOrSaid) {
     }
 }
 
+// A buck converter in discontinuous conduction, 100 periods: the current of the coil reaches zero in each of them,
+// between the edges of the source. Steps of several periods are divided at the edges, and twice as many have the same
+// parts.
+TEST(Certificate, ManyJumpsInAStepAreDoubted) {
+  constexpr double period = 5e-5, coil = 1e-4, capacitor = 1e-4, load = 50;
+  Scene scene;
+  scene.dynamics = DenseDynamics{Matrix{{0, -1 / coil}, {1 / capacitor, -1 / (load * capacitor)}},
+                                 Matrix{{1 / coil}, {0}}, Matrix{{1, 0}}};
+  scene.M = Matrix{{0}};
+  scene.f = [](double t, Eigen::Ref<Vector> f) { f << (t / period - std::floor(t / period) < 0.4 ? 24 / coil : 0), 0; };
+  for (int k = 0; k < 100; ++k)
+    for (const double part : {0.0, 0.4}) scene.breakpoints.push_back((k + part) * period);
+  scene.breakpoints_are_all = true;
+  scene.x0 = Vector::Zero(2);
+  scene.T = 100 * period;
+  const auto voltage = [&](Method method, Index steps, bool doubted) {
+    Options options = options_for(method, steps);
+    options.states = StateSelection::all;
+    const Result r = run(scene, options);
+    EXPECT_EQ(r.status, Status::solved) << r.reason;
+    EXPECT_EQ(r.warning.find("times a step") != std::string::npos, doubted) << steps << ": " << r.warning;
+    return r.x(steps, 1);
+  };
+  const double right = voltage(Method::march, 2000, false);
+  EXPECT_GT(std::abs(voltage(Method::march, 20, true) - right), 0.05 * right) << "no reason to doubt";
+  EXPECT_GT(std::abs(voltage(Method::march, 100, true) - right), 0.05 * right) << "no reason to doubt";
+  EXPECT_GT(std::abs(voltage(Method::euler, 50, true) - right), 0.05 * right) << "no reason to doubt";
+}
+
+// A stiff state, x1' = k (x2 - x1 + y), x2' = k (x1 - x2) - x2, pushed onto x1 >= 1 within 1 / k: linear y on the first
+// interval throws it to twice that.
+TEST(Certificate, GalerkinIsComparedWithMarchWhereTheStateIsFast) {
+  const double k = 1e6;
+  Scene scene;
+  scene.dynamics = DenseDynamics{Matrix{{-k, k}, {k, -k - 1}}, Matrix{{k}, {0}}, Matrix{{1, 0}}};
+  scene.M = Matrix{{1}};
+  scene.g = [](double t, Eigen::Ref<Vector> g) { g[0] = -1 - std::sin(t); };
+  scene.T = 3;
+  for (const double start : {0.0, 1.0}) {  // outside, and where it belongs
+    scene.x0 = Vector::Constant(2, start);
+    Options options = options_for(Method::galerkin, 400);
+    options.states = StateSelection::all;
+    const Result r = run(scene, options);
+    ASSERT_EQ(r.status, Status::solved) << r.reason;
+    const bool right = std::abs(r.x(2, 0) - 1 - std::sin(r.t[2])) < 0.01;
+    EXPECT_EQ(right, start == 1);
+    EXPECT_EQ(r.warning.find("faster than an interval") == std::string::npos, right) << r.warning;
+  }
+}
+
 }  // namespace
 }  // namespace bromwich
