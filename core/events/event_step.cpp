@@ -51,10 +51,12 @@ Vector larger(const Vector& before, const Matrix& c) {
 }
 
 // h (I - hA)^{-1}: how constant inputs move the state in a step of implicit Euler. Fast modes that decay count with the
-// states to which they tend, and not with h times their rates.
+// states to which they tend, and not with h times their rates. Where a mode grows much, this is singular or too small: h I.
 Matrix moved_within(double h, const Matrix& A) {
-  const Index m = A.rows();
-  return h * (Matrix::Identity(m, m) - h * A).partialPivLu().inverse();
+  constexpr double much = 0.5;
+  const Matrix I = Matrix::Identity(A.rows(), A.rows());
+  if (A.rows() > 0 && h * Eigen::EigenSolver<Matrix>(A, false).eigenvalues().real().maxCoeff() > much) return h * I;
+  return h * (I - h * A).partialPivLu().inverse();
 }
 
 }  // namespace
@@ -72,10 +74,13 @@ EventSteps::EventSteps(const SystemMatrices& system, const EventSources& sources
       T_(T),
       tolerance_(tolerance),
       longest_(longest),
-      by_f_within_T_(moved_within(T, system.A).cwiseAbs()),
-      by_y_within_T_((moved_within(T, system.A) * system.B).cwiseAbs()),
-      by_f_within_step_(moved_within(longest, system.A).cwiseAbs()),
-      by_y_within_step_((moved_within(longest, system.A) * system.B).cwiseAbs()) {}
+      by_f_within_T_(moved_within(T, system.A)),
+      by_y_within_T_((by_f_within_T_ * system.B).cwiseAbs()),
+      by_f_within_step_(moved_within(longest, system.A)),
+      by_y_within_step_((by_f_within_step_ * system.B).cwiseAbs()) {
+  by_f_within_T_ = by_f_within_T_.cwiseAbs();
+  by_f_within_step_ = by_f_within_step_.cwiseAbs();
+}
 
 double EventSteps::noise() const { return noise_share * tolerance_; }
 

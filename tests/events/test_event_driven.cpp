@@ -66,6 +66,20 @@ TEST(EventDriven, SignsBelowWhatCountsAsZeroAreInDoubt) {
   EXPECT_LE(integrate_with_events(plain, LcpClass::P, {1}, {}).doubt[0], 1e-14);
 }
 
+// x' = x + y from 1/2, w = x + y - 1: y = 1 - x and x = 1/2 + t up to t = 1/2, then x' = x. I - TA = 0.
+TEST(EventDriven, AModeThatGrowsByEWithinT) {
+  Scene scene;
+  scene.dynamics = DenseDynamics{Matrix{{1}}, Matrix{{1}}, Matrix{{1}}};
+  scene.M = Matrix{{1}};
+  scene.g = [](double, Eigen::Ref<Vector> v) { v.setConstant(-1); };
+  scene.x0 = Vector::Constant(1, 0.5);
+  scene.T = 1;
+  const EventSolution s = integrate_with_events(scene, LcpClass::P, {}, {});
+  ASSERT_TRUE(s.complete) << s.reason;
+  EXPECT_NEAR(s.x(0.25, true)[0], 0.75, 1e-10);  // EventOptions::tolerance
+  EXPECT_NEAR(s.x(1, true)[0], std::exp(0.5), 1e-9);
+}
+
 // x' = -x + y_0 + y_1 from 0, w_0 = w_1 = x + y_0 + y_1 - 1: s = y_0 + y_1 = 1 - x, x' = 1 - 2 x, x = (1 - e^{-2t}) /
 // 2, and s is shared equally (least norm).
 TEST(EventDriven, EqualConstraintsShareY) {
