@@ -10,6 +10,7 @@
 #include <cmath>
 #include <cstdint>
 #include <set>
+#include <vector>
 
 namespace bromwich {
 
@@ -105,7 +106,7 @@ class ScaledNorm {
 
 constexpr double rounding_margin = 2;  ///< the roundings of a run are one sample
 
-// How much a perturbation of the state grows, from any step to any later one.
+// How much a perturbation of the state grows, from a step to any later one.
 class Growth {
  public:
   Growth(const Vector& first, const ScaledNorm& norm)
@@ -117,21 +118,30 @@ class Growth {
     size_ = norm_(dz_);
     if (size_ < 1e-14) {  // the perturbation is gone, what is left of it is rounding: another one starts
       dz_ = start_;
-      logarithm_ = least_ = 0;
+      logarithms_.push_back(gone);
       return;
     }
     dz_ /= size_;
-    logarithm_ += std::log(size_);
-    least_ = std::min(least_, logarithm_);
-    most_ = std::max(most_, logarithm_ - least_);
+    logarithms_.push_back(std::log(size_));
   }
   bool finite() const { return std::isfinite(size_); }
-  double largest() const { return std::exp(std::min(most_, 700.0)); }
+  /// From each step, step 0 first.
+  Vector from_steps() const {
+    Vector most = Vector::Ones(Index(logarithms_.size()) + 1);
+    double later = 0;
+    for (Index j = most.size() - 2; j >= 0; --j) {
+      later = std::max(0.0, later + logarithms_[std::size_t(j)]);
+      most[j] = std::exp(std::min(later, 700.0));
+    }
+    return most;
+  }
 
  private:
   const ScaledNorm& norm_;
   Vector start_, dz_, next_;
-  double size_ = 1, logarithm_ = 0, least_ = 0, most_ = 0;  ///< logarithms of the size since the start
+  static constexpr double gone = -1e4;  ///< nothing of it arrives
+  double size_ = 1;
+  std::vector<double> logarithms_;  ///< of the growth in each step
 };
 
 }  // namespace
@@ -158,6 +168,7 @@ Magnification magnification(const DiscreteProblem& p, Rule rule, const RowMatrix
   Growth growth(perturbation(result.scale), norm);
   Vector error = epsilon * perturbation(p.scene.x0), next(error.size());
   double size = norm(p.scene.x0);
+  std::vector<Index> unresolved;  // rows whose active set is not that of both their neighbours
   for (Index j = 1; j <= p.J; ++j) {
     tangent.take(y.row(j).transpose());
     if (n > 0) result.output = std::max(result.output, rounding_margin * (tangent.gain * error).cwiseAbs().maxCoeff());
@@ -165,12 +176,15 @@ Magnification magnification(const DiscreteProblem& p, Rule rule, const RowMatrix
     error = next + rounded.row(j).transpose();
     growth.step(tangent.map);
     size = std::max(size, norm(x.row(j).transpose()) + norm(terms.row(j).transpose()));
-    if (j < p.J && (!same_set(y, j, j - 1) || !same_set(y, j, j + 1)))
-      result.impulse = std::max(result.impulse, p.h * norm(driven.row(j).transpose()) / size);
+    if (j < p.J && (!same_set(y, j, j - 1) || !same_set(y, j, j + 1))) unresolved.push_back(j);
     result.rounding = std::max(result.rounding, size > 0 ? rounding_margin * norm(error) / size : 0);
     if (!growth.finite() || !std::isfinite(norm(error))) result.rounding = INFINITY;
   }
-  result.growth = growth.largest();
+  const Vector grown = growth.from_steps();
+  result.growth = grown.maxCoeff();
+  for (const Index j : unresolved)
+    if (size > 0)
+      result.impulse = std::max(result.impulse, grown[j] * p.h * norm(driven.row(j).transpose()) / size);
   result.x = std::move(states.x);
   return result;
 }

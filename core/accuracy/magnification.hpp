@@ -13,13 +13,14 @@ namespace bromwich {
 /// One dz with parts in all components that the solution moves shows by how much errors grow, in the norm |D^{-1} x|, D
 /// the largest value of each component. Another one is what rounding makes of this very solution: it starts from 0 and
 /// takes the rounding of each component's terms at every step, so that nothing arises where components are decoupled.
-/// Sizes are the largest |D^{-1} x_i| so far, or the terms that x_i is summed from where these are larger and cancel.
+/// Sizes are the largest |D^{-1} x_i| so far (that of an impulse: up to T), or the terms that x_i is summed from where
+/// these are larger and cancel.
 struct Magnification {
   double growth = 1;    ///< largest growth of dz from any step to any later one
   double rounding = 0;  ///< largest size of what rounding makes of the state, relative to its size up to there
   double output = 0;    ///< the same of y, not relative
-  double impulse = 0;   ///< largest h |B y_j| / size where the active set of row j is not that of both its
-                        ///< neighbours: a contact that begins and ends within few steps is not resolved
+  double impulse = 0;   ///< largest h |B y_j| / size, with its growth up to T, where the active set of row j is not that
+                        ///< of both its neighbours: a contact that begins and ends within few steps is not resolved
   double correction =
       0;         ///< of y, for the state that goes with it (core/kernel/closed_loop.hpp), relative to the largest y
   Vector scale;  ///< D, m; 0 where the solution does not move a component
