@@ -37,6 +37,24 @@ TEST(Certificate, MagnificationIsTheGrowthOfPerturbations) {
   }
 }
 
+// x' = a x + y from rest. A contact that begins in the first step and lasts is small beside the state that it moves; one
+// of a single step is all that moves the state, and grows with it.
+TEST(Certificate, ContactsOfFewStepsAreMeasuredByTheStateThatTheyMove) {
+  const auto backend = make_cpu_backend(1);
+  for (const double a : {-1.0, 3.0}) {
+    Scene scene = growing(a, 2);
+    scene.f = {};
+    scene.x0.setZero();
+    const DiscreteProblem p = discretise(scene, *backend, 100);
+    RowMatrix y = RowMatrix::Ones(101, 1), single = RowMatrix::Zero(101, 1);
+    y(0, 0) = 0;
+    single(1, 0) = 1;
+    // Relative to x(T) = (e^{aT} - 1)/a, h e^{aT} is h a / (1 - e^{-aT}), and less where a < 0.
+    EXPECT_LE(magnification(p, Rule::exponential, y).impulse, p.h * std::max(a, 1.0) / (1 - std::exp(-2.0))) << a;
+    EXPECT_GE(magnification(p, Rule::exponential, single).impulse, 0.3) << a;
+  }
+}
+
 // A state that grows with its rounding error keeps its relative accuracy, and half the step gives the same.
 TEST(Certificate, GrowthThatTheSolutionSharesDoesNoHarm) {
   Scene scene = growing(3, 5);
