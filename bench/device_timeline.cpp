@@ -5,8 +5,8 @@
 //
 // Writes FILE.RANK.json at the end, or after these seconds, which then end the program (several ranks do not come to an
 // end under CUPTI). RANK is that of Open MPI, or 0. The file has kernels and copies with their begin, duration (ns),
-// stream, and number of blocks (kernels) or bytes (copies). Recording makes kernels of CUDA graphs begin later, by about
-// a microsecond each. scripts/bench_timeline reads the files.
+// stream, and number of blocks (kernels) or bytes (copies). Recording makes kernels of CUDA graphs begin later, by
+// about a microsecond each. scripts/bench_timeline reads the files.
 
 #include <cupti.h>
 #include <cxxabi.h>

@@ -2,9 +2,9 @@
 // stencil at all points of a grid (core/seam/plans.hpp, ProjectedSweeps).
 //
 // A block walks once down lines of the grid of a time point with a few of them in shared memory, and makes all
-// half-sweeps on the way. When half-sweep 0 is at line t, half-sweep s is at line t - 2 s, line t + 2 arrives from memory,
-// and the load of line t + 3 begins. Half-sweep s of a line needs half-sweep s - 1 of its two neighbours, which is done
-// by then, so that one barrier a step is enough, and r, v and y are read and written once for all sweeps.
+// half-sweeps on the way. When half-sweep 0 is at line t, half-sweep s is at line t - 2 s, line t + 2 arrives from
+// memory, and the load of line t + 3 begins. Half-sweep s of a line needs half-sweep s - 1 of its two neighbours, which
+// is done by then, so that one barrier a step is enough, and r, v and y are read and written once for all sweeps.
 //
 // Where time points are too few for all multiprocessors, a cluster of blocks divides the lines into bands. A block
 // walks down its band and as many lines on both sides of it as there are half-sweeps: what is wrong at the ends of
@@ -51,8 +51,8 @@ template <int halves>
 struct Window {
   static constexpr int of_y = 2 * halves + 2, of_q = 2 * halves + 1;  ///< lines kept
   static std::size_t bytes(Index points, unsigned bands) {
-    return sizeof(double) * (std::size_t((of_y + of_q) * (points + 2)) +
-                             (bands > 1 ? std::size_t(2 * halves * points) : 0));
+    return sizeof(double) *
+           (std::size_t((of_y + of_q) * (points + 2)) + (bands > 1 ? std::size_t(2 * halves * points) : 0));
   }
 };
 

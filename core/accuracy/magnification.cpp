@@ -183,8 +183,7 @@ Magnification magnification(const DiscreteProblem& p, Rule rule, const RowMatrix
   const Vector grown = growth.from_steps();
   result.growth = grown.maxCoeff();
   for (const Index j : unresolved)
-    if (size > 0)
-      result.impulse = std::max(result.impulse, grown[j] * p.h * norm(driven.row(j).transpose()) / size);
+    if (size > 0) result.impulse = std::max(result.impulse, grown[j] * p.h * norm(driven.row(j).transpose()) / size);
   result.x = std::move(states.x);
   return result;
 }

@@ -19,8 +19,8 @@ struct Magnification {
   double growth = 1;    ///< largest growth of dz from any step to any later one
   double rounding = 0;  ///< largest size of what rounding makes of the state, relative to its size up to there
   double output = 0;    ///< the same of y, not relative
-  double impulse = 0;   ///< largest h |B y_j| / size, with its growth up to T, where the active set of row j is not that
-                        ///< of both its neighbours: a contact that begins and ends within few steps is not resolved
+  double impulse = 0;  ///< largest h |B y_j| / size, with its growth up to T, where the active set of row j is not that
+                       ///< of both its neighbours: a contact that begins and ends within few steps is not resolved
   double correction =
       0;         ///< of y, for the state that goes with it (core/kernel/closed_loop.hpp), relative to the largest y
   Vector scale;  ///< D, m; 0 where the solution does not move a component

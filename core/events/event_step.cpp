@@ -51,7 +51,8 @@ Vector larger(const Vector& before, const Matrix& c) {
 }
 
 // h (I - hA)^{-1}: how constant inputs move the state in a step of implicit Euler. Fast modes that decay count with the
-// states to which they tend, and not with h times their rates. Where a mode grows much, this is singular or too small: h I.
+// states to which they tend, and not with h times their rates. Where a mode grows much, this is singular or too small:
+// h I.
 Matrix moved_within(double h, const Matrix& A) {
   constexpr double much = 0.5;
   const Matrix I = Matrix::Identity(A.rows(), A.rows());

@@ -51,8 +51,8 @@ class PreparedMultigrid final : public PreparedMethod {
   }
 
  private:
-  // The host gets the memory of the result while a device works. That may take longer than the sweeps, and is no part of
-  // their time.
+  // The host gets the memory of the result while a device works. That may take longer than the sweeps, and is no part
+  // of their time.
   IterationOutcome cycles(const Vector& y0, Result& result, Timer& timer) {
     const bool works_beside = levels_[0].lcp && !levels_[0].lcp->at_once;
     std::optional<FirstTouch> touch;

@@ -37,8 +37,8 @@ TEST(Certificate, MagnificationIsTheGrowthOfPerturbations) {
   }
 }
 
-// x' = a x + y from rest. A contact that begins in the first step and lasts is small beside the state that it moves; one
-// of a single step is all that moves the state, and grows with it.
+// x' = a x + y from rest. A contact that begins in the first step and lasts is small beside the state that it moves;
+// one of a single step is all that moves the state, and grows with it.
 TEST(Certificate, ContactsOfFewStepsAreMeasuredByTheStateThatTheyMove) {
   const auto backend = make_cpu_backend(1);
   for (const double a : {-1.0, 3.0}) {
