@@ -5,6 +5,8 @@
 #include "files/stored_result.hpp"
 
 #include <algorithm>
+#include <array>
+#include <cmath>
 
 namespace bromwich {
 
@@ -153,6 +155,29 @@ StoredResult read_image(File& file) {
 
 }  // namespace
 
+namespace {
+
+bool is_running(const Facts& facts) {
+  return std::find(facts.begin(), facts.end(), std::pair<std::string, Fact>("status", "running")) != facts.end();
+}
+
+// The last rows of a run that was killed within a flush, whose number the file has and not yet the values: NaN.
+void cut_unwritten_rows(StoredResult& stored) {
+  const std::array<RowMatrix*, 3> all{&stored.y, &stored.w, &stored.x};
+  Index rows = stored.t.size();
+  const auto unwritten = [&](Index j) {
+    return std::isnan(stored.t[j]) || std::any_of(all.begin(), all.end(), [j](const RowMatrix* values) {
+             return values->size() > 0 && values->row(j).array().isNaN().all();
+           });
+  };
+  while (rows > 0 && unwritten(rows - 1)) --rows;
+  stored.t.conservativeResize(rows);
+  for (RowMatrix* values : all)
+    if (values->size() > 0) values->conservativeResize(rows, values->cols());
+}
+
+}  // namespace
+
 StoredResult read_hdf5(const FileTarget& target) {
   if (std::error_code none; !std::filesystem::is_regular_file(target.path, none))
     throw Error(target.argument, "'" + target.path.string() + "' is no file", "give a file that exists");
@@ -180,6 +205,7 @@ StoredResult read_hdf5(const FileTarget& target) {
     if (values->size() > 0 && values->rows() < stored.t.size()) stored.t.conservativeResize(values->rows());
   for (RowMatrix* values : {&stored.y, &stored.w, &stored.x})
     if (values->rows() > stored.t.size()) values->conservativeResize(stored.t.size(), values->cols());
+  if (is_running(stored.facts)) cut_unwritten_rows(stored);
   require_rows(target, stored);
   return stored;
 }

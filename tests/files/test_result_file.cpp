@@ -90,6 +90,23 @@ TEST_F(ResultFileTest, RowsOfWholeChunksAndOfFlushesAreThere) {
   EXPECT_FALSE(Hdf5Reading(folder_ / "r.h5").has("x"));
 }
 
+// As a run leaves them that is killed within a flush: sizes are there, and values of the last rows are not.
+TEST_F(ResultFileTest, RowsWithoutValuesOfARunThatWasKilledAreNotRead) {
+  Values given = values(50, 4, 2);
+  given.y.bottomRows(3).setConstant(NAN);
+  given.x(20, 1) = NAN;
+  const auto file = create_hdf5(target("r.h5"), columns(4, {0, 1}), 50, facts);
+  file->append(given.rows(50));
+  file->flush();
+  const StoredResult killed = read_hdf5(target("r.h5"));
+  EXPECT_EQ(killed.t, given.t.head(47));
+  EXPECT_EQ(killed.y, given.y.topRows(47));
+  EXPECT_EQ(killed.w, given.w.topRows(47));
+  EXPECT_EQ(killed.x.rows(), 47);
+  file->set({{"status", "interrupted"}});
+  EXPECT_EQ(read_hdf5(target("r.h5")).t, given.t) << "a run that ended says itself which rows have no values";
+}
+
 // Rows wider than a chunk.
 TEST_F(ResultFileTest, WideRows) {
   const Index k = 200003;
