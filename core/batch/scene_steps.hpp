@@ -212,21 +212,21 @@ struct Steps {
         yj[i] = y(j, i);
         changed |= (yj[i] > 0) ^ (p.y[i] > 0);
       }
-      const Number before2 = growth.size2;
       if (j == 1 || A::any(changed)) problem.template take<n>(yj, lost);
       run = A::select(changed, A::all(1), run + 1);
       lost |= run > problem.limit();
       growth.take(perturb(problem, j, xj, yj, p), first, p.dz, m());
       if (s.surely_P && A::any(changed)) {
-        if (j < s.J) impulse2 = A::select(changed, A::max(impulse2, impulse_of(yj, p.inverse, growth.size2)), impulse2);
-        if (j > 1) impulse2 = A::select(changed, A::max(impulse2, impulse_of(p.y, p.inverse, before2)), impulse2);
+        if (j < s.J) impulse2 = A::select(changed, A::max(impulse2, impulse_of(yj, p.inverse)), impulse2);
+        if (j > 1) impulse2 = A::select(changed, A::max(impulse2, impulse_of(p.y, p.inverse)), impulse2);
       }
       for (Index i = 0; i < m(); ++i) p.x[i] = xj[i];
       for (Index i = 0; i < n; ++i) p.y[i] = yj[i];
     }
     lost |= A::no(growth.most2 <= s.most_growth * s.most_growth);
     lost |= A::no(growth.rounding2 <= settled_rounding * settled_rounding);
-    lost |= A::no(impulse2 <= settled_impulse * settled_impulse);
+    // The growth of each impulse up to T is not more than that from any step to any later one.
+    lost |= A::no(impulse2 * growth.most2 <= settled_impulse * settled_impulse * growth.size2);
   }
 
   /// Whether a step of implicit Euler has two solutions, or nearly so, at the rows where
@@ -334,14 +334,15 @@ struct Steps {
     problem.template respond<n>(seen, u);
   }
 
-  constexpr Number impulse_of(const Number* yj, const Number* inverse, Number of2) const {
+  // The square of h |B y_j|.
+  constexpr Number impulse_of(const Number* yj, const Number* inverse) const {
     Number sum = none();
     for (Index i = 0; i < m(); ++i) {
       Number b = s.B[i * n] * yj[0];
       for (Index k = 1; k < n; ++k) b += s.B[i * n + k] * yj[k];
       sum += (b * inverse[i]) * (b * inverse[i]);
     }
-    return A::select(of2 > 0, s.h * s.h * sum / of2, none());
+    return s.h * s.h * sum;
   }
 
   constexpr Mask several(Index j, const C* seen, const C* V, const Source<Number>& source,

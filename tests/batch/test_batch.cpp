@@ -110,6 +110,19 @@ TEST(Batch, ScenesThatShareDynamicsAreSteppedInLanes) {
   }
 }
 
+// A contact in the first step is large beside a state at rest, and small beside the one that it moves.
+TEST(Batch, ScenesFromRestAreSteppedInLanes) {
+  Batch batch;
+  batch.common.dynamics = DenseDynamics{Matrix{{-1}}, Matrix{{1}}, Matrix{{1}}};
+  batch.common.M = Matrix{{1}};
+  batch.common.g = [](double t, Eigen::Ref<Vector> g) { g[0] = -std::sin(9 * t); };
+  batch.common.x0 = Vector::Zero(1);
+  batch.common.T = 1;
+  batch.scenes = 5;
+  batch.x0 = RowMatrix::Zero(batch.scenes, 1);
+  EXPECT_EQ(expect_as_single(batch, marched(1000), "rest").in_lanes, batch.scenes);
+}
+
 TEST(Batch, EverySizeOfLanes) {
   for (Index n = 1; n <= 8; ++n) {
     Batch batch;
