@@ -1,7 +1,7 @@
 // A shared object in the place of bromwich/_cuda.so: its two devices are backends of naive loops. Shows on machines
 // without a device that backends, plans and errors pass between two shared objects. The number of threads chooses what
-// they do: three, they fail and say which device is asked for; two, they say that single steps are expensive, as
-// devices do; otherwise they are like a processor.
+// they do. With three threads they fail, and the error names the device. With two they report expensive single steps,
+// as devices do. Otherwise they are like a processor.
 
 #include "core/base/error.hpp"
 #include "kernels/cuda_plugin.hpp"

@@ -6,6 +6,7 @@
 #include "core/solve/solve.hpp"
 #include "tests/support/backends.hpp"
 #include "tests/support/oracle.hpp"
+#include "tests/support/run.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -19,15 +20,6 @@ using reference::Random;
 constexpr Index scenes = 70;  // above two warps, and no multiple of the lanes of a vector
 // J roundings of a stable recurrence, in another order of operations, times the condition of the problems.
 constexpr double same = 1e-12;
-
-Options marched(Index steps) {
-  Options options;
-  options.method = Method::march;
-  options.steps = steps;
-  options.trace = true;
-  options.states = StateSelection::all;
-  return options;
-}
 
 Batch around(const Scene& scene, double part) {
   Random random(7);

@@ -9,6 +9,7 @@
 #include "cpu/cpu_backend.hpp"
 #include "tests/support/oracle.hpp"
 #include "tests/support/refusal.hpp"
+#include "tests/support/run.hpp"
 
 #include <gtest/gtest.h>
 
@@ -22,15 +23,6 @@ namespace {
 // Both take the same steps in another order of operations: J roundings of a stable recurrence, times the condition of
 // M_SS, stay below.
 constexpr double same = 1e-12;
-
-Options marched(Index steps) {
-  Options options;
-  options.method = Method::march;
-  options.steps = steps;
-  options.trace = true;
-  options.states = StateSelection::all;
-  return options;
-}
 
 RowMatrix around(const Vector& x0, Index scenes, double part, unsigned seed = 1) {
   std::mt19937 generator(seed);

@@ -3,7 +3,7 @@
 #include "core/batch/batch.hpp"
 #include "core/batch/batch_groups.hpp"
 #include "core/catalogue/catalogue.hpp"
-#include "cpu/cpu_backend.hpp"
+#include "tests/support/run.hpp"
 
 #include <gtest/gtest.h>
 
@@ -15,15 +15,6 @@ namespace bromwich::same_sources_test {
 namespace {
 
 constexpr Index scenes = 11, steps = 128;
-
-Options marched() {
-  Options options;
-  options.method = Method::march;
-  options.steps = steps;
-  options.trace = true;
-  options.states = StateSelection::all;
-  return options;
-}
 
 // dlcp-small: its sources have kinks, which scenes with sources of their own do not take side by side.
 struct Counted {
@@ -58,10 +49,10 @@ TEST(SameSources, AreSteppedSideBySideAndSampledOnce) {
   const Batch batch = differing_in_x0(counted.scene);
   Batch whole = written_out_as_scenes(batch);
   const auto backend = make_cpu_backend(1);
-  const BatchResult expected = solve_batch(batch, *backend, marched());
+  const BatchResult expected = solve_batch(batch, *backend, marched(steps));
   const Index calls_of_batch = std::exchange(*counted.calls, 0);
   whole.same_sources = true;
-  const BatchResult found = solve_batch(whole, *backend, marched());
+  const BatchResult found = solve_batch(whole, *backend, marched(steps));
   EXPECT_LE(*counted.calls, calls_of_batch);
   EXPECT_EQ(found.in_lanes, scenes);
   EXPECT_EQ(found.status, expected.status);
@@ -85,7 +76,7 @@ TEST(SameSources, InBlocks) {
   Batch whole = written_out_as_scenes(differing_in_x0(counted.scene));
   whole.same_sources = true;
   const auto backend = make_cpu_backend(1);
-  Options options = marched();
+  Options options = marched(steps);
   options.memory_limit = predicted_bytes(whole, options, 4, 1) + 1;
   Index in_lanes = 0;
   EXPECT_EQ(solve_in_blocks(whole, *backend, options, [&](Index, const BatchResult& r) { in_lanes += r.in_lanes; }), 3);

@@ -32,6 +32,14 @@ inline Options options_for(Method method, Index steps = 0) {
   return options;
 }
 
+/// Method march, with the trace and all states.
+inline Options marched(Index steps) {
+  Options options = options_for(Method::march, steps);
+  options.trace = true;
+  options.states = StateSelection::all;
+  return options;
+}
+
 /// One CPU thread.
 inline Result run(const Scene& scene, const Options& options) {
   const auto backend = make_cpu_backend(1);
