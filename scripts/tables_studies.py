@@ -240,25 +240,10 @@ def scale_gpu(data):
         f"`signorini3d` with Q = 511 and {largest['steps']} steps, {unknowns / 1e9:.2f} 10^9 contact unknowns, on two devices: {largest['status']} to a residual of "
         f"{number(largest['residual'])} in {largest['cycles']} cycles; set-up {largest['seconds']['setup']:.1f} s, solve {largest['seconds']['solve']:.2f} s "
         f"with the copy of y to the host, {largest['bytes'] / 1e9:.0f} GB in all.",
-        *(["", cycles_as_printed(data["printed"])] if "printed" in data else []),
         *(["", sweep_over_devices(sweeps)] if sweeps else []),
         "",
         f"Two and four of {data['details']['scale255']['device']}, {machine(data)}.",
     ]
-
-
-def cycles_as_printed(run):
-    """Medians of a later run, and their efficiencies."""
-    words = []
-    for points in (127, 255):
-        rows = [row for row in run["cycles"] if row["Q"] == points]
-        one = rows[0]
-        for row in rows[1:]:
-            efficiency = one["milliseconds"] * row["steps"] / one["steps"] / (row["ranks"] * row["milliseconds"])
-            words.append(f"Q = {points}, {row['ranks']} devices, {row['steps']} steps: {row['milliseconds']:g} ms, efficiency {efficiency:.2f}")
-    alone = ", ".join(f"{row['milliseconds']:g} ms (Q = {row['Q']})" for row in run["cycles"] if row["ranks"] == 1)
-    return (f"With commit {run['commit'][:9]} one device takes {alone}. {'; '.join(words)} (medians as printed; the files of that run are lost). Before it, "
-            "times of cycles had the memory of the result in them, which takes longer than 16384 steps on four devices.")
 
 
 def timeline(data):
