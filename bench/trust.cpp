@@ -151,7 +151,17 @@ void print_scene(const oracle::SourceScene& s) {
             << d.N << "\nM\n"
             << d.M << "\nx0 " << d.x0.transpose() << "\nbreakpoints (" << (s.told ? "told" : "not told") << ")";
   for (const double t : s.base.breaks) std::cout << ' ' << t;
-  std::cout << "\nsources " << s.sources << "\n";
+  std::cout << "\nsources " << s.sources << "\nt: f, g\n";
+  const auto print_sources = [&](double t) {
+    std::cout << t << ": " << oracle::value(d.f, t, d.A.rows()).transpose() << ", "
+              << oracle::value(d.g, t, d.M.rows()).transpose() << "\n";
+  };
+  print_sources(0);
+  for (const double t : s.base.breaks) {
+    print_sources(t * (1 - 1e-12));
+    print_sources(t * (1 + 1e-12));
+  }
+  print_sources(d.T);
 }
 
 Outcome run(std::uint32_t seed, Backend& backend, const Arguments& a) {

@@ -127,6 +127,7 @@ void Convergence::add(const Result& coarse, const Result& fine, bool resolved) {
         Vector(scene_.T / steps * dynamics->B(fine.x_components, Eigen::all).cwiseAbs() * jumps), sizes_.of_x(fine));
   // A contact of one step leaves a row that no coarser grid has, with a y that depends on where it began.
   jumps_ = jumps_ || (resolved && largest_share(largest_peaks(fine.y, known), sizes_.of_y(fine)) > smallest_peak);
+  jumps_ = jumps_ || (resolved && fine.euler_steps > 0);  // impulses: rows that no coarser grid need have
   // Once is enough: later differences may be small because all jumps happen to be in the same steps.
   jumps_ = jumps_ || (resolved && ((y_.stands_still() && y_.last() > smallest_jump) ||
                                    (jump_.stands_still() && jump_.last() > smallest_jump)));

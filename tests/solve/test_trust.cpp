@@ -113,6 +113,23 @@ TEST(Trust, MarchJumpsOntoTheConstraintsOfAPassiveScene) {
   }
 }
 
+// A sawtooth of g pushes the state at its edges alone: y is an impulse in each, which no common time point of two grids
+// need have. So the mean of y is controlled.
+TEST(Trust, ImpulsesAtEdgesAreSeenByTheirMean) {
+  const auto backend = make_cpu_backend(1);
+  const SourceScene s = source_scene(21021204);
+  const EventSolution truth = locate_events(s.base);
+  ASSERT_TRUE(truth.decided);
+  Options options;
+  options.method = Method::march;
+  options.tolerance = tolerance;
+  options.states = StateSelection::all;
+  const Result r = solve(s.scene, *backend, options);
+  ASSERT_EQ(r.status, Status::solved) << r.reason;
+  EXPECT_TRUE(r.errors->of_integral);
+  EXPECT_LE(true_error(s, truth, r).largest(), tolerance);
+}
+
 // Seeds in which y is so small beside earlier terms of w that located events do not know its sign: other methods do.
 TEST(Trust, SmallYIsNotTakenForZero) {
   const auto backend = make_cpu_backend(1);

@@ -292,7 +292,8 @@ class Events {
 
   bool jump() {
     Step step;
-    sample(std::min(h_, end_ - t_), step);
+    double h = std::min(h_, end_ - t_);
+    for (sample(h, step); tail(step.g, sizes(step.g, size_g_)) > resolved && h > 1e-14 * s_.T; sample(h, step)) h /= 2;
     const Vector g = g_right(step);
     const Vector noise =
         10 * noise_level * (s_.N.cwiseAbs() * x_.cwiseAbs().cwiseMax(size_x_) + g.cwiseAbs().cwiseMax(size_g_));
