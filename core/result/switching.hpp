@@ -34,8 +34,8 @@ struct RelaySwitch {
 };
 
 /// The switches of a result with y = (s, y+) of 2k components (core/scene/relay.hpp) as those of its k relays: lambda
-/// is -1 where y+ > 0, otherwise 0 where s > 0, otherwise 1. Switches of s and y+ within one step, or within their
-/// errors, are one.
+/// is -1 where y+ > 0, otherwise 0 where s > 0, otherwise 1. Switches of s and y+ within one step (not of
+/// method events), or within their errors, are one.
 std::vector<RelaySwitch> relay_switches(const Result&, const std::vector<Switch>&, Index relays);
 
 }  // namespace bromwich

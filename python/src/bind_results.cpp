@@ -42,7 +42,7 @@ std::shared_ptr<Answer> at(const Answer& answer, const std::vector<double>& time
 nb::list switches_of(const Answer& answer, bool with_errors) {
   std::vector<Switch> found = [&] {
     const nb::gil_scoped_release unlocked;
-    if (!with_errors) return switches(answer.result);
+    if (!with_errors && answer.result.method != Method::events) return switches(answer.result);
     const std::lock_guard lock(answer.machine->busy);
     return switches_with_errors(answer.model->scene, *answer.machine->backend, answer.options, answer.result);
   }();

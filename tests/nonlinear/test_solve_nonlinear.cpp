@@ -10,6 +10,7 @@
 #include "core/solve/solve.hpp"
 #include "cpu/cpu_backend.hpp"
 #include "tests/nonlinear/cubic_stop.hpp"
+#include "tests/nonlinear/nonlinear_scenes.hpp"
 
 #include <gtest/gtest.h>
 
@@ -19,37 +20,6 @@
 
 namespace bromwich {
 namespace {
-
-// x at T by Runge-Kutta of order 4, y = y(t, x) given.
-Vector by_runge_kutta(const NonlinearScene& s, const std::function<Vector(double, const Vector&)>& y_of, Index steps) {
-  const DenseDynamics& d = *s.linear.dynamics->small_state();
-  const auto rate = [&](double t, const Vector& x) {
-    const Vector y = y_of(t, x);
-    Vector v = d.A * x + d.B * y, more = Vector::Zero(x.size());
-    if (s.linear.f) s.linear.f(t, more), v += more;
-    if (s.phi) s.phi(t, x, y, more), v += more;
-    return v;
-  };
-  const double h = s.linear.T / double(steps);
-  Vector x = s.linear.x0;
-  for (Index j = 0; j < steps; ++j) {
-    const double t = double(j) * h;
-    const Vector a = rate(t, x), b = rate(t + h / 2, x + h / 2 * a), c = rate(t + h / 2, x + h / 2 * b);
-    const Vector e = rate(t + h, x + h * c);
-    x += h / 6 * (a + 2 * b + 2 * c + e);
-  }
-  return x;
-}
-
-NonlinearResult solved(const NonlinearScene& s, NonlinearMethod method, Index steps) {
-  const auto backend = make_cpu_backend();
-  NonlinearOptions options;
-  options.method = method;
-  options.steps = steps;
-  const NonlinearResult r = solve_nonlinear(s, *backend, options);
-  EXPECT_EQ(r.status, Status::solved) << to_string(method) << ": " << r.reason;
-  return r;
-}
 
 TEST(SolveNonlinear, LinearScenesAreSolvedAsTheirEngineDoes) {
   const auto backend = make_cpu_backend();
@@ -61,17 +31,17 @@ TEST(SolveNonlinear, LinearScenesAreSolvedAsTheirEngineDoes) {
   options.steps = 100;
   const Result linear = solve(s.linear, *backend, options);
   for (const NonlinearMethod m : {NonlinearMethod::march, NonlinearMethod::iteration, NonlinearMethod::newton}) {
-    const NonlinearResult r = solved(s, m, 100);
+    const NonlinearResult r = solved_by(s, m, 100);
     EXPECT_LE((r.x - linear.x).cwiseAbs().maxCoeff(), 1e-12 * linear.x.cwiseAbs().maxCoeff()) << to_string(m);
     EXPECT_LE((r.y - linear.y).cwiseAbs().maxCoeff(), 1e-12 * linear.y.cwiseAbs().maxCoeff()) << to_string(m);
     NonlinearScene with_zero = s;  // which is not known to be zero
     with_zero.phi = [](double, In, In, Eigen::Ref<Vector> v) { v.setZero(); };
-    const NonlinearResult same = solved(with_zero, m, 100);
+    const NonlinearResult same = solved_by(with_zero, m, 100);
     EXPECT_LE((same.x - linear.x).cwiseAbs().maxCoeff(), 1e-12 * linear.x.cwiseAbs().maxCoeff()) << to_string(m);
     EXPECT_LE((same.y - linear.y).cwiseAbs().maxCoeff(), 1e-12 * linear.y.cwiseAbs().maxCoeff()) << to_string(m);
     EXPECT_EQ(same.solves, 1) << "one linear solve, and phi at its time points";
     with_zero.phi = [](double, In x, In, Eigen::Ref<Vector> v) { v = 1e-9 * x; };  // 0 for x0 = 0 and not elsewhere
-    EXPECT_GT(solved(with_zero, m, 100).newton + solved(with_zero, m, 100).solves, 1) << to_string(m);
+    EXPECT_GT(solved_by(with_zero, m, 100).newton + solved_by(with_zero, m, 100).solves, 1) << to_string(m);
   }
 }
 
@@ -93,81 +63,12 @@ TEST(SolveNonlinear, DividesStepsWhereSourcesJump) {
   const double up = 0.5 * std::exp(-0.3), top = 1 + (up - 1) * std::exp(-0.9), end = top * std::exp(-0.25);
   for (const NonlinearMethod m : {NonlinearMethod::march, NonlinearMethod::iteration, NonlinearMethod::newton}) {
     for (const Index J : {50, 80}) {  // the edges inside steps and on time points
-      const NonlinearResult r = solved(pulsed(), m, J);
+      const NonlinearResult r = solved_by(pulsed(), m, J);
       const double h = 1.0 / double(J);
       EXPECT_NEAR(r.x(J, 0), end, h * h) << to_string(m) << " " << J;  // of first order it would err by h
       EXPECT_LE(r.residual, 1e-10) << to_string(m) << " " << J;
     }
   }
-}
-
-TEST(SolveNonlinear, RowsBetweenTheTimePoints) {
-  const NonlinearScene s = cubic_stop();
-  const auto y_of = [](double, const Vector& x) { return Vector{{std::max(0.0, -5 * (x[0] + 0.5))}}; };
-  NonlinearScene part = s;
-  part.linear.T = 4.4321;
-  const Vector reference = by_runge_kutta(part, y_of, 100000);
-  const auto backend = make_cpu_backend();
-  double error[2];
-  for (const int k : {0, 1}) {
-    const NonlinearResult r = solved(s, NonlinearMethod::march, k ? 800 : 400);
-    const NonlinearResult rows = nonlinear_at(s, *backend, r, {0, 3, 4.4321, 6});
-    EXPECT_EQ(rows.x.row(0), r.x.row(0));
-    EXPECT_EQ(rows.x.row(3), r.x.bottomRows(1));
-    EXPECT_EQ(rows.y.row(1), r.y.row(k ? 400 : 200));
-    error[k] = (rows.x.row(2).transpose() - reference).cwiseAbs().maxCoeff();
-  }
-  EXPECT_GE(error[0] / error[1], 2.5);  // order 2, switches fall into steps anywhere
-  const NonlinearResult r = solved(s, NonlinearMethod::march, 400);
-  const Result linear = as_result(s, r);
-  EXPECT_LE((slack(s.linear, linear) - r.w).cwiseAbs().maxCoeff(), 1e-13);
-  EXPECT_EQ(switches(linear).size(), 3u);  // bench/results/nonlinear-reference.json has their times
-  EXPECT_NEAR(switches(linear)[0].t, 2.3, 0.5);
-  EXPECT_THROW(nonlinear_at(s, *backend, r, {7}), Error);
-}
-
-// y of a diode bends where it begins to conduct, inside a step. A line through the rows errs there by h times its
-// slope, and w and y of it are both positive.
-TEST(SolveNonlinear, RowsBetweenTheTimePointsFollowSwitches) {
-  NonlinearScene s;
-  s.linear.dynamics = DenseDynamics{Matrix{{-1}}, Matrix{{2}}, Matrix{{1}}};
-  s.linear.M = Matrix{{0.5}};
-  s.linear.g = [](double t, Eigen::Ref<Vector> v) { v[0] = -5 * std::sin(2 * t); };
-  s.linear.x0 = Vector{{0}};
-  s.linear.T = 4;
-  s.phi = [](double, In x, In, Eigen::Ref<Vector> v) { v[0] = -0.1 * x[0] * x[0] * x[0]; };
-  const auto backend = make_cpu_backend();
-  constexpr Index J = 40, finer = 64;
-  for (const NonlinearMethod m : {NonlinearMethod::march, NonlinearMethod::iteration}) {
-    const NonlinearResult r = solved(s, m, J), fine = solved(s, m, J * finer);
-    std::vector<double> times;
-    double of_rows = 0;
-    for (Index k = 0; k <= J * finer; ++k) {
-      times.push_back(fine.t[k]);
-      if (k % finer == 0) of_rows = std::max(of_rows, std::abs(r.y(k / finer, 0) - fine.y(k, 0)));
-    }
-    const NonlinearResult rows = nonlinear_at(s, *backend, r, times);
-    // The step from the row before is a step of the method: its own error is no larger than that of the rows.
-    EXPECT_LE((rows.y - fine.y).cwiseAbs().maxCoeff(), 2 * of_rows) << to_string(m);
-    EXPECT_LE(rows.y.cwiseMin(rows.w).cwiseAbs().maxCoeff(), 1e-10) << to_string(m);
-  }
-}
-
-// Where y jumps, a step of the length that is left is solved: x = tan(pi/4 - t), then 0.
-TEST(SolveNonlinear, RowsBetweenTheTimePointsWhereYJumps) {
-  NonlinearScene s;
-  s.linear.dynamics = DenseDynamics{Matrix{{0}}, Matrix{{1}}, Matrix{{1}}};
-  s.linear.M = Matrix{{0}};
-  s.linear.f = [](double, Eigen::Ref<Vector> v) { v[0] = -1; };
-  s.linear.x0 = Vector{{1}};
-  s.linear.T = 2;
-  s.phi = [](double, In x, In, Eigen::Ref<Vector> v) { v[0] = -x[0] * x[0]; };
-  const auto backend = make_cpu_backend();
-  const NonlinearResult r = solved(s, NonlinearMethod::march, 200);
-  const NonlinearResult rows = nonlinear_at(s, *backend, r, {0.123, 1.777});
-  EXPECT_NEAR(rows.x(0, 0), std::tan(std::atan(1.0) - 0.123), 1e-4);  // h^2
-  EXPECT_NEAR(rows.x(1, 0), 0, 1e-12);
-  EXPECT_NEAR(rows.y(1, 0), 1, 1e-9);
 }
 
 // A rectangle of grid points with a reaction on the side, w = N x + M y + g + y^3/50: as dense matrices by marching,
@@ -192,7 +93,7 @@ TEST(SolveNonlinear, LargeScenesByTheTrace) {
   EXPECT_LE((a.y - b.y).bottomRows(60).cwiseAbs().maxCoeff(), 1e-9 * size);  // kernels to 1e-12, sums of 60 steps
   EXPECT_LE(a.residual, 1e-10);
   for (const NonlinearMethod m : {NonlinearMethod::newton, NonlinearMethod::march}) {
-    const NonlinearResult c = solved(large, m, 60);
+    const NonlinearResult c = solved_by(large, m, 60);
     EXPECT_LE((c.y - b.y).bottomRows(60).cwiseAbs().maxCoeff(), 1e-9 * size) << to_string(m);
     EXPECT_EQ(c.marched, m == NonlinearMethod::march ? 60 : 0);
     EXPECT_GT(c.newton, 0);
@@ -228,7 +129,7 @@ TEST(SolveNonlinear, LargeScenesWithoutARestAreOneLinearSolve) {
   large.linear = make_scene("signorini", {{"Q", 7}});
   large.of_trace = true;
   large.gamma = [](double, In, In y, Eigen::Ref<Vector> v) { v = (y.array() < -1).cast<double>(); };
-  const NonlinearResult r = solved(large, NonlinearMethod::iteration, 60);
+  const NonlinearResult r = solved_by(large, NonlinearMethod::iteration, 60);
   EXPECT_EQ(r.solves, 1);
   Options options;
   options.steps = 60;
@@ -242,7 +143,7 @@ TEST(SolveNonlinear, TakesSourcesThroughB) {
   through.linear.f_entry = SourceEntry::through_B;  // B = (0, 1)
   through.linear.f = [](double t, Eigen::Ref<Vector> v) { v[0] = 2 * std::cos(2 * t); };
   for (const NonlinearMethod m : {NonlinearMethod::march, NonlinearMethod::iteration})
-    EXPECT_LE((solved(through, m, 100).x - solved(s, m, 100).x).cwiseAbs().maxCoeff(), 1e-13) << to_string(m);
+    EXPECT_LE((solved_by(through, m, 100).x - solved_by(s, m, 100).x).cwiseAbs().maxCoeff(), 1e-13) << to_string(m);
 }
 
 TEST(SolveNonlinear, HasOrderTwo) {
@@ -251,7 +152,7 @@ TEST(SolveNonlinear, HasOrderTwo) {
   const Vector reference = by_runge_kutta(s, y_of, 200000);  // a kink of y costs h^2 at most: 1e-9
   double first = 0;
   for (const Index J : {200, 400, 800}) {
-    const NonlinearResult r = solved(s, NonlinearMethod::march, J);
+    const NonlinearResult r = solved_by(s, NonlinearMethod::march, J);
     const double error = (r.x.row(J).transpose() - reference).cwiseAbs().maxCoeff();
     if (J == 200) first = error;
     if (J == 800) {
@@ -264,9 +165,9 @@ TEST(SolveNonlinear, HasOrderTwo) {
 
 TEST(SolveNonlinear, IterationAndNewtonAgreeWithMarching) {
   NonlinearScene s = cubic_stop();
-  const NonlinearResult march = solved(s, NonlinearMethod::march, 300);
+  const NonlinearResult march = solved_by(s, NonlinearMethod::march, 300);
   for (const NonlinearMethod m : {NonlinearMethod::iteration, NonlinearMethod::newton}) {
-    const NonlinearResult r = solved(s, m, 300);
+    const NonlinearResult r = solved_by(s, m, 300);
     EXPECT_LE((r.x - march.x).cwiseAbs().maxCoeff(), 1e-10) << to_string(m);  // tolerance / (1 - contraction)
     EXPECT_LE((r.y - march.y).cwiseAbs().maxCoeff(), 1e-9) << to_string(m);   // 1/M times that
     EXPECT_LE(r.residual, 1e-10);
@@ -275,7 +176,7 @@ TEST(SolveNonlinear, IterationAndNewtonAgreeWithMarching) {
     EXPECT_GT(r.solves, 1);
   }
   s.dphi = {};  // by central differences
-  EXPECT_LE((solved(s, NonlinearMethod::march, 300).x - march.x).cwiseAbs().maxCoeff(), 1e-10);
+  EXPECT_LE((solved_by(s, NonlinearMethod::march, 300).x - march.x).cwiseAbs().maxCoeff(), 1e-10);
 }
 
 // A diode by Shockley's law charges a capacitor: C v' = -v / R + y, 0 <= y, w = v - 5 sin 2t + r y + V ln(1 + y / I).
@@ -303,22 +204,15 @@ TEST(SolveNonlinear, ShockleysLawInTheSlack) {
     return Vector{{low}};
   };
   const Vector reference = by_runge_kutta(s, y_of, 20000);
-  const NonlinearResult a = solved(s, NonlinearMethod::march, 400), b = solved(s, NonlinearMethod::march, 800);
+  const NonlinearResult a = solved_by(s, NonlinearMethod::march, 400), b = solved_by(s, NonlinearMethod::march, 800);
   const double first = std::abs(a.x(400, 0) - reference[0]), second = std::abs(b.x(800, 0) - reference[0]);
   EXPECT_LE(second, 2e-4);  // h^2 y''
   EXPECT_GE(first / second, 2.5) << first << " " << second;
 }
 
-// x' = -1 - x^2 + y, x >= 0 from 1: x = tan(pi/4 - t) until pi/4, and then y = 1.
 TEST(SolveNonlinear, AStateThatIsStopped) {
-  NonlinearScene s;
-  s.linear.dynamics = DenseDynamics{Matrix{{0}}, Matrix{{1}}, Matrix{{1}}};
-  s.linear.M = Matrix{{0}};
-  s.linear.f = [](double, Eigen::Ref<Vector> v) { v[0] = -1; };
-  s.linear.x0 = Vector{{1}};
-  s.linear.T = 2;
-  s.phi = [](double, In x, In, Eigen::Ref<Vector> v) { v[0] = -x[0] * x[0]; };
-  const NonlinearResult r = solved(s, NonlinearMethod::march, 400);
+  const NonlinearScene s = stopped();
+  const NonlinearResult r = solved_by(s, NonlinearMethod::march, 400);
   EXPECT_FALSE(r.continuous);
   for (Index j = 0; j <= 400; ++j) {
     const double t = r.t[j], contact = std::atan(1.0);
@@ -365,7 +259,7 @@ TEST(SolveNonlinear, DoesNotDependOnUnits) {
   small.phi = [](double, In x, In, Eigen::Ref<Vector> v) { v << 0, -unit * std::pow(x[0] / unit, 3); };
   small.dphi = {};
   for (const NonlinearMethod m : {NonlinearMethod::march, NonlinearMethod::iteration}) {
-    const NonlinearResult r = solved(s, m, 200), other = solved(small, m, 200);
+    const NonlinearResult r = solved_by(s, m, 200), other = solved_by(small, m, 200);
     EXPECT_LE((other.x / unit - r.x).cwiseAbs().maxCoeff(), 1e-9) << to_string(m);
     EXPECT_LE((other.y / unit - r.y).cwiseAbs().maxCoeff(), 1e-8) << to_string(m);
   }
@@ -382,7 +276,7 @@ TEST(SolveNonlinear, ForcesThatCancel) {
   s.linear.T = 1;
   s.phi = [](double, In, In, Eigen::Ref<Vector> v) { v[0] = -0.8; };
   for (const Index J : {Index(50), Index(200), Index(800)}) {
-    const NonlinearResult r = solved(s, NonlinearMethod::march, J);
+    const NonlinearResult r = solved_by(s, NonlinearMethod::march, J);
     EXPECT_NEAR(r.x(J, 0), 0.5, 1e-12) << J;
     EXPECT_NEAR(r.y(J, 0), 0.8, 1e-9) << J;
   }
@@ -409,7 +303,7 @@ TEST(SolveNonlinear, FunctionsAreCalledForAdmissibleY) {
   for (const NonlinearMethod m :
        {NonlinearMethod::march, NonlinearMethod::iteration, NonlinearMethod::newton, NonlinearMethod::pointwise}) {
     // h^2 of steps of 1/200 times second derivatives of size 10.
-    EXPECT_NEAR(solved(s, m, 400).x(400, 0), reference[0], 2.5e-4) << to_string(m);
+    EXPECT_NEAR(solved_by(s, m, 400).x(400, 0), reference[0], 2.5e-4) << to_string(m);
   }
   EXPECT_EQ(least, 0);
 }

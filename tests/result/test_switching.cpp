@@ -139,6 +139,57 @@ TEST(Switches, KnowThatTheSolutionItselfIsOff) {
       expect_errors_hold(scene, method, steps, {{t, 0, true}}, 0.5, 3.9);
 }
 
+// w = y - sin 40 t with y = sin 40 t where that is positive: switches at k pi/40, several within a step of the rows.
+TEST(Switches, OfLocatedEventsDoNotDependOnTheRows) {
+  Scene scene;
+  scene.dynamics = DenseDynamics{Matrix{{-1}}, Matrix{{1}}, Matrix{{0}}};
+  scene.g = [](double t, Eigen::Ref<Vector> g) { g[0] = -std::sin(40 * t); };
+  scene.M = Matrix{{1}};
+  scene.x0 = Vector{{0}};
+  scene.T = 1;
+  const auto backend = make_cpu_backend(1);
+  for (const Index steps : {4, 100}) {
+    const Options options = options_for(Method::events, steps);
+    const Result result = solve(scene, *backend, options);
+    ASSERT_EQ(result.status, Status::solved) << result.reason;
+    const std::vector<Switch> found = switches_with_errors(scene, *backend, options, result);
+    ASSERT_EQ(found.size(), 13u);  // 0, pi/40, ..., 12 pi/40 < 1
+    for (std::size_t k = 0; k < found.size(); ++k) {
+      EXPECT_EQ(found[k].on, k % 2 == 0);
+      EXPECT_LE(std::abs(found[k].t - double(k) * std::numbers::pi / 40), found[k].error);
+      EXPECT_LE(found[k].error, 1e-9);
+    }
+  }
+}
+
+// x' = -sgn(x - 1/2 sin 3 t) with x(0) = 0: x = t stays below the sine until 2 t = sin 3 t, slides on it until
+// 3/2 cos 3 t = -1, and is above it from then on.
+TEST(Switches, OfARelayByLocatedEvents) {
+  Scene scene;
+  scene.dynamics = DenseDynamics{Matrix{{0}}, Matrix{{-2, 0}}, Matrix{{-1}, {0}}};
+  scene.f = [](double, Eigen::Ref<Vector> f) { f[0] = 1; };
+  scene.g = [](double t, Eigen::Ref<Vector> g) { g << std::sin(3 * t) / 2, 1; };
+  scene.M = Matrix{{0, 1}, {-1, 0}};
+  scene.x0 = Vector{{0}};
+  scene.T = 1;
+  scene.relays = 1;
+  const auto backend = make_cpu_backend(1);
+  const Options options = options_for(Method::events, 5);
+  const Result result = solve(scene, *backend, options);
+  ASSERT_EQ(result.status, Status::solved) << result.reason;
+  const std::vector<Switch> found = switches_with_errors(scene, *backend, options, result);
+  const std::vector<RelaySwitch> relay = relay_switches(result, found, 1);
+  double meets = 0.5;
+  for (int k = 0; k < 20; ++k) meets -= (2 * meets - std::sin(3 * meets)) / (2 - 3 * std::cos(3 * meets));
+  ASSERT_GE(relay.size(), 2u);
+  const RelaySwitch &first = relay[relay.size() - 2], &last = relay.back();
+  EXPECT_EQ(first.to, 0);
+  EXPECT_EQ(last.from, 0);
+  EXPECT_LE(std::abs(first.t - meets), 1e-9);
+  EXPECT_LE(std::abs(last.t - std::acos(-2.0 / 3) / 3), 1e-9);
+  EXPECT_LE(std::max(first.error, last.error), 1e-8);
+}
+
 // lambda of one relay: 1, then -1 at 2 (s and y+ switch in the same step), sliding from 5, 1 again from 8.
 TEST(Switches, OfRelaysAreThoseOfLambda) {
   Result result = rows_of({0, 0, 0, 1, 1, 1, .6, .4, .2, 0, 0});
