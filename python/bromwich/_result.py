@@ -203,7 +203,11 @@ class Result(Rows):
 
     @property
     def switches(self) -> list[Switch]:
-        """When constraints become active and inactive, in order of time; the errors are those of interpolation."""
+        """When constraints become active and inactive, in order of time.
+
+        Those of method ``events`` are located by two more integrations. Those of other methods are interpolated between
+        the rows, and the errors are those of interpolation.
+        """
         return [Switch(*s) for s in self._answer.switches(False)]
 
     def switches_with_errors(self) -> list[Switch]:
