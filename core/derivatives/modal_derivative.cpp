@@ -84,9 +84,11 @@ RowMatrix ModalDerivative::state_modes(const Vector& x) const {
   return face_.to_modes(across_.transpose() * Eigen::Map<const RowMatrix>(x.data(), n_, K_).transpose());
 }
 
-Vector ModalDerivative::state_of(const RowMatrix& modes) const {
-  const RowMatrix x = face_.to_points(modes).transpose() * across_.transpose();
-  return Eigen::Map<const Vector>(x.data(), m_);
+Vector ModalDerivative::state_of(RowMatrix modes) const {
+  face_.transform(Way::to_points, modes);
+  Vector x(m_);
+  Eigen::Map<RowMatrix>(x.data(), n_, K_).noalias() = modes.transpose() * across_.transpose();
+  return x;
 }
 
 // e^{hA}, L B and R B in modes, K x n each.
@@ -106,15 +108,18 @@ ModalDerivative::StateMaps ModalDerivative::state_maps() const {
 // Adds N x of the states that x0 and u = y + phi give to w, which has to vanish where y acts. Returns the largest
 // |(N x)_i| over time.
 Vector ModalDerivative::follow(const RowMatrix& x0, const RowMatrix& u) {
-  const RowMatrix modes = face_.to_modes(u);
-  RowMatrix v = start_.response(x0, J_);
+  const Index width = face_.width();
+  RowMatrix v = start_.response(x0, J_), modes = RowMatrix::Zero(J_ + 1, width);
+  modes.leftCols(n_) = u;
+  face_.transform(Way::to_modes, modes.leftCols(n_));
   ModalConvolution::State z = convolution_.state();
-  Vector a(n_), off(n_);
+  Vector a(width), off(n_);
   for (Index j = 1; j <= J_; ++j) {
-    convolution_.advance(j, modes.row(j - 1).data(), z, a);
-    v.row(j) += (a + convolution_.own().cwiseProduct(modes.row(j).transpose())).transpose();
+    const double* before = modes.row(j - 1).data();
+    j == 1 ? convolution_.start(before, z, a.data()) : convolution_.advance(before, z, a.data());
+    v.row(j) += (a.head(n_) + convolution_.own().cwiseProduct(modes.row(j).head(n_).transpose())).transpose();
   }
-  v = face_.to_points(std::move(v));
+  face_.transform(Way::to_points, v);
   w_ += v;
   const double allowed = same_y * (1e-290 + y_.cwiseAbs().maxCoeff());
   for (Index j = 0; j <= J_; ++j) {

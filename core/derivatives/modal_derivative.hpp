@@ -13,6 +13,7 @@
 #include "../scene/scene.hpp"
 #include "face_modes.hpp"
 #include "modal_convolution.hpp"
+#include "modal_start.hpp"
 #include "solution_derivative.hpp"
 
 #include <utility>
@@ -40,9 +41,12 @@ class ModalDerivative {
   struct StateMaps {
     RowMatrix E, Lb, Rb;  ///< e^z, h b^_k (phi_1 - phi_2)(z) and h b^_k phi_2(z), z = h (mu_l + nu_k)
   };
+  struct Pass;
+  void step_forward(Pass&, SolutionChange&) const;
+  void step_backward(Pass&, const SolutionChange& of, const RowMatrix& given, Vector& later, DataChange&) const;
   StateMaps state_maps() const;
   RowMatrix state_modes(const Vector& x) const;
-  Vector state_of(const RowMatrix& modes) const;
+  Vector state_of(RowMatrix modes) const;
   RowMatrix states_of(const RowMatrix& x0, const RowMatrix& u) const;
   std::pair<RowMatrix, RowMatrix> states_transposed(const RowMatrix& of_x) const;
   Vector follow(const RowMatrix& x0, const RowMatrix& u);

@@ -5,7 +5,7 @@
 #include "core/derivatives/check_table.hpp"
 #include "core/derivatives/face_modes.hpp"
 #include "core/derivatives/lcp_terms.hpp"
-#include "core/derivatives/modal_convolution.hpp"
+#include "core/derivatives/modal_start.hpp"
 #include "core/kernel/operators.hpp"
 #include "core/kernel/transposed_operator.hpp"
 
