@@ -24,9 +24,9 @@ namespace bromwich {
 
 class GalerkinDerivative {
  public:
-  /// The result must be of this scene, by method galerkin on intervals that it has kept, and with all of them by moments.
-  /// Throws Error if it is not solved, if y may jump, where a component is degenerate (y_i = w_i = 0), for a mass matrix,
-  /// and if the boundary condition does not determine the changes.
+  /// The result must be of this scene, by method galerkin on intervals that it has kept, and with all of them by
+  /// moments. Throws Error if it is not solved, if y may jump, where a component is degenerate (y_i = w_i = 0), for a
+  /// mass matrix, and if the boundary condition does not determine the changes.
   GalerkinDerivative(const Scene&, const Result&);
 
   Index steps() const { return p_.N; }
@@ -34,14 +34,14 @@ class GalerkinDerivative {
   const Vector& times() const { return p_.t; }
   const RowMatrix& states() const { return x_; }  ///< (N+1) x m
 
-  /// Members b, or x0 of an initial value, f, g (at the time points, linear between them) and M; others throw Error. Row
-  /// 0 of y is the left end of the first interval, row k the right end of interval k.
+  /// Members b, or x0 of an initial value, f, g (at the time points, linear between them) and M; others throw Error.
+  /// Row 0 of y is the left end of the first interval, row k the right end of interval k.
   SolutionChange jvp(const DataChange&) const;
   /// The gradient has the same members; its f has m columns, also if the scene states f = F phi.
   DataChange vjp(const SolutionChange&) const;
 
  private:
-  struct Entry {          ///< f and g of both ends of an interval in F and q
+  struct Entry {             ///< f and g of both ends of an interval in F and q
     Matrix F[2], q_of_f[2];  ///< m x m, 2n x m
   };
   Index run_of(Index k) const;

@@ -11,7 +11,7 @@
 
 #include "../result/result.hpp"
 #include "../scene/scene.hpp"
-#include "face_modes.hpp"
+#include "kronecker_states.hpp"
 #include "modal_convolution.hpp"
 #include "modal_start.hpp"
 #include "solution_derivative.hpp"
@@ -27,6 +27,8 @@ class ModalDerivative {
   /// the time points. Throws Error as SolutionDerivative does, for dynamics other than Kronecker sums, and for sources
   /// of the state that do not enter through B.
   ModalDerivative(const Scene&, const Result&);
+  ModalDerivative(const ModalDerivative&) = delete;
+  ModalDerivative& operator=(const ModalDerivative&) = delete;
 
   Index steps() const { return J_; }
   const DerivativeMargin& margin() const { return margin_; }
@@ -38,26 +40,19 @@ class ModalDerivative {
   DataChange vjp(const SolutionChange&) const;
 
  private:
-  struct StateMaps {
-    RowMatrix E, Lb, Rb;  ///< e^z, h b^_k (phi_1 - phi_2)(z) and h b^_k phi_2(z), z = h (mu_l + nu_k)
-  };
   struct Pass;
   void step_forward(Pass&, SolutionChange&) const;
   void step_backward(Pass&, const SolutionChange& of, const RowMatrix& given, Vector& later, DataChange&) const;
-  StateMaps state_maps() const;
-  RowMatrix state_modes(const Vector& x) const;
-  Vector state_of(RowMatrix modes) const;
-  RowMatrix states_of(const RowMatrix& x0, const RowMatrix& u) const;
-  std::pair<RowMatrix, RowMatrix> states_transposed(const RowMatrix& of_x) const;
   Vector follow(const RowMatrix& x0, const RowMatrix& u);
 
   KroneckerDynamics d_;
   LcpMatrix scene_M_, transposed_M_;
-  Matrix M_, across_;  ///< across_: modes of one line in its columns
-  FaceModes face_;
-  Index J_ = 0, m_ = 0, n_ = 0, K_ = 0;
+  Matrix M_;
+  Index J_ = 0, m_ = 0, n_ = 0;
   double h_ = 0;
   Vector t_, seen_;  ///< seen_: n^, K
+  KroneckerStates states_;
+  const FaceModes& face_;  ///< of states_
   ModalConvolution convolution_;
   ModalStart start_;
   std::vector<Index> every_;  ///< 0, 1, ..., n - 1

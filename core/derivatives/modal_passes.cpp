@@ -50,7 +50,7 @@ SolutionChange ModalDerivative::jvp(const DataChange& c, bool states) const {
   check_table("f", c.f, J_ + 1, n_);
   check_table("g", c.g, J_ + 1, n_);
   check_table("M", c.M, n_, n_);
-  const RowMatrix x0 = c.x0.size() > 0 ? state_modes(c.x0) : RowMatrix();
+  const RowMatrix x0 = c.x0.size() > 0 ? states_.modes_of(c.x0) : RowMatrix();
   SolutionChange out{RowMatrix(J_ + 1, n_), RowMatrix(), RowMatrix(J_ + 1, n_), RowMatrix(J_ + 1, n_)};
   RowMatrix of_x0 = x0.size() > 0 ? start_.terms(x0) : RowMatrix(), all_u(states ? J_ + 1 : 0, n_);
   Vector terms;  // that add up to w(0)
@@ -83,7 +83,7 @@ SolutionChange ModalDerivative::jvp(const DataChange& c, bool states) const {
   terms += M_.cwiseAbs() * out.y.row(0).cwiseAbs().transpose();
   if (x0.size() > 0) terms.array() += (seen_.cwiseAbs().transpose() * x0.cwiseAbs()).norm();
   check_change_at_start(undecided_, out.w.row(0).transpose(), terms);
-  if (states) out.x = states_of(x0, all_u);
+  if (states) out.x = states_.states(x0, all_u);
   return out;
 }
 
@@ -124,7 +124,7 @@ DataChange ModalDerivative::vjp(const SolutionChange& of) const {
   bar.f.resize(J_ + 1, n_);
   bar.M = Matrix::Zero(n_, n_);
   RowMatrix of_u, of_x0, q = start_.nothing(), given;
-  if (of.x.size() > 0) std::tie(of_u, of_x0) = states_transposed(of.x);
+  if (of.x.size() > 0) std::tie(of_u, of_x0) = states_.transposed(of.x);
   Vector later = Vector::Zero(n_);  // weights of the integrals over [0, t_k], k > j
   Pass at(convolution_, n_);
   for (at.first = J_ / block * block; at.first >= 0; at.first -= block) {
@@ -153,7 +153,7 @@ DataChange ModalDerivative::vjp(const SolutionChange& of) const {
   }
   RowMatrix start = start_.gradient(q);
   if (of_x0.size() > 0) start += of_x0;
-  bar.x0 = state_of(std::move(start));
+  bar.x0 = states_.state_of(std::move(start));
   return bar;
 }
 

@@ -28,7 +28,8 @@ class Gradient(NamedTuple):
     """Derivatives of a number with respect to the data, each of the shape of its data: x0 (m), f (J+1) x m and g (J+1) x
     n at the time points, A, B, N, M and E. M is None where y jumps at a switch or M is singular on an active set (a change
     of M acts from one side only), E is None where switches are not located. Of scenes with more than 1000 states there
-    are x0 (None for sparse dynamics), f (through B: (J+1) x n), g and M."""
+    are x0 (None for dynamics of callbacks), f (through B: (J+1) x n), g and M. Of boundary-value problems there are b
+    (m), f, g and M."""
 
     x0: np.ndarray | None
     f: np.ndarray
@@ -38,6 +39,7 @@ class Gradient(NamedTuple):
     N: np.ndarray | None
     M: np.ndarray | None
     E: np.ndarray | None
+    b: np.ndarray | None = None
 
 
 class Margin(NamedTuple):
@@ -105,12 +107,15 @@ class Derivative:
         N: Any = None,
         M: Any = None,
         E: Any = None,
+        b: Any = None,
+        states: bool = False,
     ) -> Tangent:
         """The change of the solution that a change of the data causes, to first order.
 
         Args:
-            x0: m values. f, g: (J+1) x m and (J+1) x n, at the time points. A, B, N, M, E: as those of the scene. None:
-                no change.
+            x0: m values. f, g: (J+1) x m and (J+1) x n, at the time points. A, B, N, M, E: as those of the scene. b: m
+                values, the right-hand side of a boundary condition. None: no change.
+            states: whether x of scenes with more than 1000 states is wanted, (J+1) x m numbers; smaller ones always have it.
 
         Raises:
             Error: another shape, or entries that are not finite; a change of M where :attr:`without_M` says that there is no
@@ -118,7 +123,8 @@ class Derivative:
         """
         tables = {"f": f, "g": g, "A": A, "B": B, "N": N, "M": M, "E": E}
         arrays = [None if v is None else _table(v, name) for name, v in tables.items()]
-        return Tangent(*self._core.jvp(None if x0 is None else _values(x0, "x0").ravel(), *arrays))
+        ends = [None if v is None else _values(v, name).ravel() for name, v in (("x0", x0), ("b", b))]
+        return Tangent(*self._core.jvp(ends[0], *arrays, ends[1], bool(states)))
 
     def vjp(self, *, y: Any = None, x: Any = None, w: Any = None, integral: Any = None) -> Gradient:
         """The gradient of Σ y̅·y + x̅·x + w̅·w + i̅·∫y with respect to the data.

@@ -3,6 +3,7 @@
 #include "answer.hpp"
 #include "arrays.hpp"
 #include "core/base/error.hpp"
+#include "core/derivatives/galerkin_derivative.hpp"
 #include "core/derivatives/modal_derivative.hpp"
 #include "core/derivatives/quantity_derivative.hpp"
 #include "core/derivatives/space_time_derivative.hpp"
@@ -44,14 +45,16 @@ nb::object or_none(const Matrix& m) { return m.size() > 0 ? handed_over(RowMatri
 constexpr Index largest_written_out = 1000;  ///< states that SolutionDerivative takes
 
 /// Of the discrete solution, with located switches where y may jump. Scenes with many states have theirs over all time
-/// points on the backend of the result, or in modes on the host.
+/// points on the backend of the result, or in modes on the host; boundary-value problems that of method galerkin.
 class AnyDerivative {
  public:
   AnyDerivative(const Answer& answer, std::optional<bool> located) : model_(answer.model), machine_(answer.machine) {
     const Scene& scene = answer.model->scene;
     const Result& result = answer.result;
     const bool jumps = y_may_jump(result) || result.method == Method::events;
-    if (located.value_or(result.status == Status::solved && jumps)) {
+    if (scene.boundary && !located.value_or(false)) {
+      galerkin_.emplace(scene, result);
+    } else if (located.value_or(result.status == Status::solved && jumps)) {
       if (result.status != Status::solved)
         throw Error("derivative", "the result is not solved", "differentiate a result with status solved");
       switched_.emplace(scene, result.t);
@@ -67,22 +70,27 @@ class AnyDerivative {
     }
   }
 
-  SolutionChange jvp(const DataChange& c) const {
+  /// `states`: those of scenes with many states, too.
+  SolutionChange jvp(const DataChange& c, bool states) const {
     if (space_time_) {
       const std::lock_guard lock(machine_->busy);
-      return space_time_->jvp(c);
+      return space_time_->jvp(c, states);
     }
-    return switched_ ? switched_->jvp(c) : modal_ ? modal_->jvp(c) : discrete_->jvp(c);
+    if (galerkin_) return galerkin_->jvp(c);
+    if (c.b.size() > 0) throw Error("b", "is given to a scene with an initial value", "change x0");
+    return switched_ ? switched_->jvp(c) : modal_ ? modal_->jvp(c, states) : discrete_->jvp(c);
   }
   DataChange vjp(const SolutionChange& c) const {
     if (space_time_) {
       const std::lock_guard lock(machine_->busy);
       return space_time_->vjp(c);
     }
+    if (galerkin_) return galerkin_->vjp(c);
     return switched_ ? switched_->vjp(c) : modal_ ? modal_->vjp(c) : discrete_->vjp(c);
   }
   const DerivativeMargin& margin() const {
     if (space_time_) return space_time_->margin();
+    if (galerkin_) return galerkin_->margin();
     return switched_ ? switched_->margin() : modal_ ? modal_->margin() : discrete_->margin();
   }
   /// Of `quantity`; null: that of the scene file.
@@ -90,6 +98,7 @@ class AnyDerivative {
     if (!quantity) quantity = model_->quantity.get();
     if (!quantity) throw Error("quantity", "the scene states none", "give W, c, end_W or end_c");
     if (modal_ || space_time_) throw Error("quantity", "states of large scenes are not kept", "weigh y, w or integral");
+    if (galerkin_) return quantity_change(*quantity, model_->scene, galerkin_->times(), galerkin_->states());
     return switched_ ? quantity_change(*quantity, model_->scene, switched_->times(), switched_->values().x)
                      : quantity_change(*quantity, model_->scene, discrete_->times(), discrete_->states());
   }
@@ -103,13 +112,16 @@ class AnyDerivative {
   std::unique_ptr<SpaceTimeDerivative> space_time_;
   std::optional<ModalDerivative> modal_;
   std::optional<SwitchedDerivative> switched_;
+  std::optional<GalerkinDerivative> galerkin_;
 };
 
 nb::tuple forward(const AnyDerivative& d, const std::optional<Array1>& x0, const std::optional<Array2>& f,
                   const std::optional<Array2>& g, const std::optional<Array2>& A, const std::optional<Array2>& B,
-                  const std::optional<Array2>& N, const std::optional<Array2>& M, const std::optional<Array2>& E) {
-  SolutionChange c = d.jvp(
-      {x0 ? Vector(as_vector(*x0)) : Vector(), table(f), table(g), table(A), table(B), table(N), table(M), table(E)});
+                  const std::optional<Array2>& N, const std::optional<Array2>& M, const std::optional<Array2>& E,
+                  const std::optional<Array1>& b, bool states) {
+  const auto values = [](const std::optional<Array1>& v) { return v ? Vector(as_vector(*v)) : Vector(); };
+  SolutionChange c =
+      d.jvp({values(x0), table(f), table(g), table(A), table(B), table(N), table(M), table(E), values(b)}, states);
   return nb::make_tuple(handed_over(std::move(c.y)), handed_over(std::move(c.x)), handed_over(std::move(c.w)),
                         handed_over(std::move(c.integral)));
 }
@@ -117,9 +129,9 @@ nb::tuple forward(const AnyDerivative& d, const std::optional<Array1>& x0, const
 nb::tuple backward(const AnyDerivative& d, const std::optional<Array2>& y, const std::optional<Array2>& x,
                    const std::optional<Array2>& w, const std::optional<Array2>& integral) {
   DataChange g = d.vjp({table(y), table(x), table(w), table(integral)});
-  return nb::make_tuple(g.x0.size() > 0 ? handed_over(std::move(g.x0)) : nb::none(), handed_over(std::move(g.f)),
-                        handed_over(std::move(g.g)), or_none(g.A), or_none(g.B), or_none(g.N), or_none(g.M),
-                        or_none(g.E));
+  const auto values = [](Vector& v) { return v.size() > 0 ? handed_over(std::move(v)) : nb::none(); };
+  return nb::make_tuple(values(g.x0), handed_over(std::move(g.f)), handed_over(std::move(g.g)), or_none(g.A),
+                        or_none(g.B), or_none(g.N), or_none(g.M), or_none(g.E), values(g.b));
 }
 
 /// (value, x weights) of the quantity of the scene file, or of one with these members.
@@ -156,7 +168,8 @@ void bind_derivatives(nb::module_& m) {
       .def_prop_ro("without_M",
                    [](const AnyDerivative& d) { return d.switched() ? d.switched()->without_M() : std::string(); })
       .def("jvp", &forward, nb::arg("x0").none(), nb::arg("f").none(), nb::arg("g").none(), nb::arg("A").none(),
-           nb::arg("B").none(), nb::arg("N").none(), nb::arg("M").none(), nb::arg("E").none())
+           nb::arg("B").none(), nb::arg("N").none(), nb::arg("M").none(), nb::arg("E").none(), nb::arg("b").none(),
+           nb::arg("states"))
       .def("quantity", &quantity, nb::arg("W").none(), nb::arg("c").none(), nb::arg("end_W").none(),
            nb::arg("end_c").none())
       .def("vjp", &backward, nb::arg("y").none(), nb::arg("x").none(), nb::arg("w").none(), nb::arg("integral").none());
