@@ -27,7 +27,12 @@ ComplexMatrix times(const SparseMatrix& matrix, const ComplexMatrix& columns) {
 }  // namespace
 
 ContourStates::ContourStates(const DiscreteProblem& p, const HostThreads& threads)
-    : d_(p.scene.dynamics), threads_(d_->matrices() ? threads : calling_thread), B_(d_->inputs()), N_(d_->outputs()), J_(p.J), h_(p.h) {
+    : d_(p.scene.dynamics),
+      threads_(d_->matrices() ? threads : calling_thread),
+      B_(d_->inputs()),
+      N_(d_->outputs()),
+      J_(p.J),
+      h_(p.h) {
   if (const SparseDynamics* m = d_->matrices())
     transposed_ = Dynamics(SparseDynamics{m->A.transpose(), m->N.transpose(), m->B.transpose(), m->E.transpose()});
   const Spectrum s = p.shared->spectrum();

@@ -56,7 +56,8 @@ ModalDerivative::ModalDerivative(const Scene& scene, const Result& result)
       face_(states_.face()),
       convolution_(d_, h_, scene.T),
       start_(d_, h_),
-      y_(result.y) {
+      y_(result.y),
+      x0_(scene.x0) {
   if (y_.rows() != J_ + 1 || y_.cols() != n_ || t_.size() != J_ + 1)
     refuse_in_modes("the result has other rows than its grid", "differentiate a result as solve returned it");
   every_.resize(std::size_t(n_));
@@ -69,8 +70,8 @@ ModalDerivative::ModalDerivative(const Scene& scene, const Result& result)
     sets_[std::size_t(j)] = j > 0 ? responses_.take(positive_in(y_, j), W) : responses_.take(positive_in(y_, j), M_, 1);
   const RowMatrix g = sampled(scene.g, t_, n_);
   w_ = g + y_ * M_.transpose();
-  const SetRounding zero =
-      rounding_of_sets(follow(states_.modes_of(scene.x0), y_ + sampled(scene.f, t_, n_)), scene.M, y_, g);
+  u_ = y_ + sampled(scene.f, t_, n_);
+  const SetRounding zero = rounding_of_sets(follow(states_.modes_of(x0_), u_), scene.M, y_, g);
   undecided_ = undecided_at_start(w_, zero, responses_.active(sets_[0]));
   margin_ = margin_of_sets(y_, w_, zero, t_, [this](Index j) -> const std::vector<Index>& {
     return responses_.active(sets_[std::size_t(j)]);
@@ -106,6 +107,28 @@ Vector ModalDerivative::follow(const RowMatrix& x0, const RowMatrix& u) {
           "solve on more steps, with sources that do not jump inside steps");
   }
   return v.cwiseAbs().colwise().maxCoeff();
+}
+
+// Changes of w and x.
+SolutionChange ModalDerivative::with_y_held(const KroneckerChange& c, bool states) const {
+  SolutionChange direct;
+  direct.w =
+      face_.to_points(states_.change(c, states_.modes_of(x0_), face_.to_modes(u_), states ? &direct.x : nullptr));
+  return direct;
+}
+
+SolutionChange ModalDerivative::jvp(const KroneckerChange& c, bool states) const {
+  SolutionChange direct = with_y_held(c, states);
+  DataChange as_g;
+  as_g.g = std::move(direct.w);
+  SolutionChange out = jvp(as_g, states);
+  if (states) out.x += direct.x;
+  return out;
+}
+
+double ModalDerivative::along(const KroneckerChange& c, const SolutionChange& of, const DataChange& gradient) const {
+  const SolutionChange direct = with_y_held(c, of.x.size() > 0);
+  return gradient.g.cwiseProduct(direct.w).sum() + (of.x.size() > 0 ? of.x.cwiseProduct(direct.x).sum() : 0);
 }
 
 }  // namespace bromwich

@@ -39,7 +39,13 @@ class ModalDerivative {
   /// x of the function may be empty or (J+1) x m. The gradient has the members x0, f through B, g and M.
   DataChange vjp(const SolutionChange&) const;
 
+  /// The same for a change of the parameters of the sum. It takes all modes of the state, K x n at each time point.
+  SolutionChange jvp(const KroneckerChange&, bool states = false) const;
+  /// The derivative in this direction of the function `of`, whose gradient vjp gave.
+  double along(const KroneckerChange&, const SolutionChange& of, const DataChange& gradient) const;
+
  private:
+  SolutionChange with_y_held(const KroneckerChange&, bool states) const;
   struct Pass;
   void step_forward(Pass&, SolutionChange&) const;
   void step_backward(Pass&, const SolutionChange& of, const RowMatrix& given, Vector& later, DataChange&) const;
@@ -56,7 +62,8 @@ class ModalDerivative {
   ModalConvolution convolution_;
   ModalStart start_;
   std::vector<Index> every_;  ///< 0, 1, ..., n - 1
-  RowMatrix y_, w_;
+  RowMatrix y_, w_, u_;       ///< u_: y + phi
+  Vector x0_;
   SetResponses responses_;  ///< of W, and of M at t = 0
   std::vector<Index> sets_;
   std::vector<Index> undecided_;  ///< undecided_at_start
