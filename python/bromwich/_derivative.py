@@ -42,6 +42,17 @@ class Gradient(NamedTuple):
     b: np.ndarray | None = None
 
 
+class ParameterGradient(NamedTuple):
+    """Derivatives of a number with respect to the parameters of a Kronecker sum, as :meth:`Derivative.jvp_parameters` takes
+    them."""
+
+    face: float
+    across: float
+    decay: float
+    B: float
+    N: float
+
+
 class Margin(NamedTuple):
     """Where the solution is nearest to a point at which it is not differentiable."""
 
@@ -138,6 +149,39 @@ class Derivative:
         """
         tables = {"y": y, "x": x, "w": w, "integral": integral}
         return Gradient(*self._core.vjp(*(None if v is None else _table(v, name) for name, v in tables.items())))
+
+    def jvp_parameters(
+        self,
+        *,
+        face: float = 0.0,
+        across: float = 0.0,
+        decay: float = 0.0,
+        B: float = 0.0,
+        N: float = 0.0,
+        states: bool = False,
+    ) -> Tangent:
+        """The change of the solution of a Kronecker sum (scenes on rectangles and boxes) that a change of its parameters
+        causes, with x0, f and g held; f through B changes with B.
+
+        Args:
+            face, across: relative changes of the diffusivities along the face with the constraints, and across it. Both
+                equal dc/c: that of c. decay: change of the decay rate, 1/time. B, N: relative changes of B and N.
+            states: as for :meth:`jvp`.
+
+        Raises:
+            Error: the dynamics are no Kronecker sum, or y may jump.
+        """
+        return Tangent(*self._core.jvp_parameters(face, across, decay, B, N, bool(states)))
+
+    def vjp_parameters(self, *, y: Any = None, x: Any = None, w: Any = None, integral: Any = None) -> ParameterGradient:
+        """The gradient of the number of :meth:`vjp` with respect to these parameters.
+
+        Args:
+            y, x, w, integral: as for :meth:`vjp`.
+        """
+        tables = {"y": y, "x": x, "w": w, "integral": integral}
+        found = self._core.vjp_parameters(*(None if v is None else _table(v, name) for name, v in tables.items()))
+        return ParameterGradient(*found)
 
     def quantity(self, *, W: Any = None, c: Any = None, end_W: Any = None, end_c: Any = None) -> QuantityGradient:
         """A quantity of interest of the discrete states and its gradient with respect to the data:

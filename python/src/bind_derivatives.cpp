@@ -68,6 +68,10 @@ class AnyDerivative {
       else
         modal_.emplace(scene, result);
     }
+    if (scene.dynamics->modes() && !modal_ && !switched_ && !galerkin_) {
+      result_ = result;
+      result_->x.resize(0, 0);
+    }
   }
 
   /// `states`: those of scenes with many states, too.
@@ -102,6 +106,14 @@ class AnyDerivative {
     return switched_ ? quantity_change(*quantity, model_->scene, switched_->times(), switched_->values().x)
                      : quantity_change(*quantity, model_->scene, discrete_->times(), discrete_->states());
   }
+  /// In modes of a Kronecker sum; made on the first call where another class has the rest.
+  const ModalDerivative& of_sum() const {
+    if (modal_) return *modal_;
+    if (!result_) throw Error("parameters", "are those of a Kronecker sum with a continuous y", "change A, B and N");
+    const std::lock_guard lock(of_sum_->made);
+    if (!of_sum_->derivative) of_sum_->derivative.emplace(model_->scene, *result_);
+    return *of_sum_->derivative;
+  }
   Index states() const { return model_->scene.states(); }
   const SwitchedDerivative* switched() const { return switched_ ? &*switched_ : nullptr; }
 
@@ -113,6 +125,12 @@ class AnyDerivative {
   std::optional<ModalDerivative> modal_;
   std::optional<SwitchedDerivative> switched_;
   std::optional<GalerkinDerivative> galerkin_;
+  struct OfSum {
+    std::mutex made;
+    std::optional<ModalDerivative> derivative;
+  };
+  std::optional<Result> result_;  ///< of a Kronecker sum, for of_sum_
+  std::unique_ptr<OfSum> of_sum_ = std::make_unique<OfSum>();
 };
 
 nb::tuple forward(const AnyDerivative& d, const std::optional<Array1>& x0, const std::optional<Array2>& f,
@@ -132,6 +150,30 @@ nb::tuple backward(const AnyDerivative& d, const std::optional<Array2>& y, const
   const auto values = [](Vector& v) { return v.size() > 0 ? handed_over(std::move(v)) : nb::none(); };
   return nb::make_tuple(values(g.x0), handed_over(std::move(g.f)), handed_over(std::move(g.g)), or_none(g.A),
                         or_none(g.B), or_none(g.N), or_none(g.M), or_none(g.E), values(g.b));
+}
+
+nb::tuple forward_by_sum(const AnyDerivative& d, double face, double across, double decay, double input, double output,
+                         bool states) {
+  SolutionChange c = d.of_sum().jvp(KroneckerChange{face, across, decay, input, output}, states);
+  return nb::make_tuple(handed_over(std::move(c.y)), handed_over(std::move(c.x)), handed_over(std::move(c.w)),
+                        handed_over(std::move(c.integral)));
+}
+
+/// By face, across, decay, B and N.
+std::vector<double> backward_by_sum(const AnyDerivative& d, const std::optional<Array2>& y,
+                                    const std::optional<Array2>& x, const std::optional<Array2>& w,
+                                    const std::optional<Array2>& integral) {
+  const SolutionChange of{table(y), table(x), table(w), table(integral)};
+  const ModalDerivative& sum = d.of_sum();
+  const DataChange gradient = sum.vjp(of);
+  std::vector<double> found;
+  for (const auto parameter : {&KroneckerChange::face, &KroneckerChange::across, &KroneckerChange::decay,
+                               &KroneckerChange::input, &KroneckerChange::output}) {
+    KroneckerChange c;
+    c.*parameter = 1;
+    found.push_back(sum.along(c, of, gradient));
+  }
+  return found;
 }
 
 /// (value, x weights) of the quantity of the scene file, or of one with these members.
@@ -170,6 +212,10 @@ void bind_derivatives(nb::module_& m) {
       .def("jvp", &forward, nb::arg("x0").none(), nb::arg("f").none(), nb::arg("g").none(), nb::arg("A").none(),
            nb::arg("B").none(), nb::arg("N").none(), nb::arg("M").none(), nb::arg("E").none(), nb::arg("b").none(),
            nb::arg("states"))
+      .def("jvp_parameters", &forward_by_sum, nb::arg("face"), nb::arg("across"), nb::arg("decay"), nb::arg("B"),
+           nb::arg("N"), nb::arg("states"))
+      .def("vjp_parameters", &backward_by_sum, nb::arg("y").none(), nb::arg("x").none(), nb::arg("w").none(),
+           nb::arg("integral").none())
       .def("quantity", &quantity, nb::arg("W").none(), nb::arg("c").none(), nb::arg("end_W").none(),
            nb::arg("end_c").none())
       .def("vjp", &backward, nb::arg("y").none(), nb::arg("x").none(), nb::arg("w").none(), nb::arg("integral").none());

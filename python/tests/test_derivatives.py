@@ -169,3 +169,18 @@ def test_boundary_values() -> None:
         d.jvp(x0=[1])
     with pytest.raises(bromwich.Error, match="change x0"):
         bromwich.solve(A=-1, B=1, N=1, M=1, x0=1, T=1, steps=10, method="march").derivative().jvp(b=[1])
+
+
+def test_parameters_of_a_kronecker_sum() -> None:
+    def at(c):
+        return bromwich.solve(bromwich.scene("signorini", Q=7, c=c), steps=33, method="march")
+
+    c, step = 0.05, 1e-6
+    d = at(c).derivative()
+    difference = (at(c * (1 + step)).y - at(c * (1 - step)).y) / (2 * step)
+    tangent = d.jvp_parameters(face=1, across=1, B=1)  # B has the factor c, too
+    np.testing.assert_allclose(tangent.y, difference, atol=1e-7)
+    gradient = d.vjp_parameters(y=np.ones((34, 7)))
+    np.testing.assert_allclose(gradient.face + gradient.across + gradient.B, tangent.y.sum(), rtol=1e-10)
+    with pytest.raises(bromwich.Error, match="Kronecker"):
+        bromwich.solve(A=-1, B=1, N=1, M=1, x0=1, T=1, steps=10, method="march").derivative().jvp_parameters(B=1)
