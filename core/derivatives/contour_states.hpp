@@ -7,6 +7,8 @@
 // where d, l and r are the factors of e^{hA}, L and R. The transposed maps have the same nodes and S(z)^T, so that they
 // are transposed to rounding, not to the error of the contours alone.
 
+#include "../base/threads.hpp"
+#include "../kernel/discrete_problem.hpp"
 #include "../kernel/kernel.hpp"
 #include "state_maps.hpp"
 

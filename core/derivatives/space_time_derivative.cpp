@@ -4,6 +4,7 @@
 #include "core/base/text.hpp"
 #include "core/derivatives/check_table.hpp"
 #include "core/derivatives/lcp_terms.hpp"
+#include "core/derivatives/make_state_maps.hpp"
 #include "core/kernel/operators.hpp"
 #include "core/kernel/transposed_operator.hpp"
 

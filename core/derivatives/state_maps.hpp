@@ -2,10 +2,8 @@
 // The states of a discrete solution as linear maps of x0 and of u = y + phi, with y linear between the time points, and
 // the transposed maps. x_j = e^{hA} x_{j-1} + L B u_{j-1} + R B u_j, L = h (phi_1 - phi_2)(hA), R = h phi_2(hA).
 
-#include "../base/threads.hpp"
-#include "../kernel/discrete_problem.hpp"
+#include "../base/types.hpp"
 
-#include <memory>
 #include <utility>
 
 namespace bromwich {
@@ -23,9 +21,5 @@ class StateMaps {
   /// The gradient of Σ_j of_x_j · x_j with respect to u, (J+1) x n, and x0. Throws Error where A^T is not known.
   virtual std::pair<RowMatrix, Vector> states_transposed(const RowMatrix& of_x) const = 0;
 };
-
-/// Of the dynamics and the grid of a problem, neither of which may go before this. Dense: by steps. Kronecker sums: in
-/// modes. Others: `seen` by the windows of contours that cover all time points, states by steps of one contour.
-std::unique_ptr<StateMaps> make_state_maps(const DiscreteProblem&, const HostThreads&);
 
 }  // namespace bromwich

@@ -1,4 +1,4 @@
-#include "core/derivatives/state_maps.hpp"
+#include "core/derivatives/make_state_maps.hpp"
 
 #include "core/derivatives/contour_states.hpp"
 #include "core/derivatives/kronecker_states.hpp"
