@@ -13,6 +13,7 @@ namespace bromwich {
 namespace {
 
 constexpr double largest_growth_of_contours = 8;  ///< of e^{sigma T}, which a shift sigma loses
+constexpr std::size_t most_kept_bytes = std::size_t(1) << 30;
 constexpr double in_degrees = std::numbers::pi / 180;
 
 const HostThreads calling_thread;  // callbacks of users need not be safe in others
@@ -26,9 +27,10 @@ ComplexMatrix times(const SparseMatrix& matrix, const ComplexMatrix& columns) {
 
 }  // namespace
 
-ContourStates::ContourStates(const DiscreteProblem& p, const HostThreads& threads)
+ContourStates::ContourStates(const DiscreteProblem& p)
     : d_(p.scene.dynamics),
-      threads_(d_->matrices() ? threads : calling_thread),
+      backend_(p.backend),
+      threads_(d_->matrices() ? static_cast<const HostThreads&>(p.backend) : calling_thread),
       B_(d_->inputs()),
       N_(d_->outputs()),
       J_(p.J),
@@ -48,14 +50,18 @@ ContourStates::ContourStates(const DiscreteProblem& p, const HostThreads& thread
 // Windows for this sector, if neighbours agree where they meet.
 bool ContourStates::take_windows(const ContourParameters& parameters, double shift) {
   windows_ = lag_windows(parameters, h_, J_, shift);
+  const Vector driven = B_ * Vector::Ones(B_.cols()) + N_.transpose() * Vector::Ones(N_.rows());
+  const auto seen = [&](const Contour& contour, double t) {
+    const ComplexVector factors = contour.weights.array() * (t * contour.nodes.array()).exp();
+    return Vector((seen_at(driven, contour.nodes).transpose() * factors).real());
+  };
   Contour before = window_contour(parameters, 0.8 * h_);
   before.nodes.array() += shift;
-  const Vector driven = B_ * Vector::Ones(B_.cols()) + N_.transpose() * Vector::Ones(N_.rows());
   try {
     for (const LagWindow& window : windows_) {
       const double t = h_ * double(std::max<Index>(window.first, 1));
-      const Vector one = decayed(before, t, driven), other = decayed(window.contour, t, driven);
-      if (!((one - other).norm() <= accepted_contour_error * driven.norm())) return false;
+      const double apart = (seen(before, t) - seen(window.contour, t)).norm();
+      if (!(apart <= accepted_contour_error * (d_->observed_terms(driven).norm() + driven.norm()))) return false;
       before = window.contour;
     }
   } catch (const SingularShift&) {
@@ -64,35 +70,47 @@ bool ContourStates::take_windows(const ContourParameters& parameters, double shi
   return true;
 }
 
-// e^{E^{-1} A t} E^{-1} right.
-Vector ContourStates::decayed(const Contour& contour, double t, const Vector& right) const {
-  const ComplexMatrix columns = right.cast<Complex>().replicate(1, contour.nodes.size());
-  const ComplexMatrix solved = solves(d_, contour.nodes, columns);
-  return (solved * (contour.weights.array() * (t * contour.nodes.array()).exp()).matrix()).real();
+// N (z_p E - A)^{-1} right, a row for each node.
+ComplexMatrix ContourStates::seen_at(const Vector& right, const ComplexVector& nodes) const {
+  const SparseMatrix column = Matrix(right).sparseView();
+  return backend_.resolvent(Dynamics(d_->with_inputs_and_outputs(column, N_)), nodes);
 }
 
-// (z_p E - A)^{-1} of column p.
-ComplexMatrix ContourStates::solves(const Dynamics& d, const ComplexVector& nodes, const ComplexMatrix& right) const {
+// (z_p E - A)^{-T} of column p, for nodes that have the numbers `first_node` and so on.
+ComplexMatrix ContourStates::solve_transposed(const ComplexVector& nodes, const ComplexMatrix& right,
+                                              Index first_node) const {
   ComplexMatrix found(right.rows(), nodes.size());
+  std::vector<std::unique_ptr<ShiftedSystem<Complex>>> made(std::size_t(nodes.size()));
   share_each(threads_, nodes.size(), [&](Index p) {
-    const auto system = d->at_shift(nodes[p]);
-    if (!system) throw eigenvalue_at(nodes[p]);
+    const std::size_t number = std::size_t(first_node + p);
+    ShiftedSystem<Complex>* system = number < kept_.size() ? kept_[number].get() : nullptr;
+    if (!system) {
+      made[std::size_t(p)] = (*transposed_)->at_shift(nodes[p]);
+      system = made[std::size_t(p)].get();
+      if (!system) throw eigenvalue_at(nodes[p]);
+    }
     found.col(p) = system->solve(ShiftedSystem<Complex>::Column(right.col(p)));
   });
+  std::size_t bytes = 0;
+  for (const auto& system : kept_) bytes += system->bytes();
+  for (auto& system : made) {
+    if (!system || Index(kept_.size()) != first_node + (&system - made.data())) continue;
+    if (bytes += system->bytes(); bytes > most_kept_bytes) break;
+    kept_.push_back(std::move(system));
+  }
   return found;
 }
 
 RowMatrix ContourStates::seen(const Vector& x0) const {
   RowMatrix rows(J_ + 1, N_.rows());
   rows.row(0) = (N_ * x0).transpose();
+  if (x0.isZero(0)) return RowMatrix::Zero(J_ + 1, N_.rows());
   const Vector right = d_->times_mass(x0);
   for (const LagWindow& window : windows_) {
-    const Index first = std::max<Index>(window.first, 1), nodes = window.contour.nodes.size();
-    if (window.last < first) continue;
-    const ComplexMatrix at_nodes =
-        times(N_, solves(d_, window.contour.nodes, right.cast<Complex>().replicate(1, nodes)));
-    real_product(exponential_factors(window.contour, h_, first, window.last), at_nodes.transpose(),
-                 rows.middleRows(first, window.last - first + 1));
+    const Index first = std::max<Index>(window.first, 1);
+    if (window.last >= first)
+      real_product(exponential_factors(window.contour, h_, first, window.last), seen_at(right, window.contour.nodes),
+                   rows.middleRows(first, window.last - first + 1));
   }
   return rows;
 }
@@ -100,12 +118,14 @@ RowMatrix ContourStates::seen(const Vector& x0) const {
 Vector ContourStates::seen_transposed(const RowMatrix& rho) const {
   if (!transposed_) return {};
   Vector sum = Vector::Zero(d_->states());
+  Index first_node = 0;
   for (const LagWindow& window : windows_) {
     const Index first = std::max<Index>(window.first, 1), count = window.last - first + 1;
     if (count <= 0) continue;
     const ComplexMatrix at_nodes = rho.middleRows(first, count).transpose().cast<Complex>() *
                                    exponential_factors(window.contour, h_, first, window.last);
-    sum += solves(*transposed_, window.contour.nodes, times(N_.transpose(), at_nodes)).real().rowwise().sum();
+    sum += solve_transposed(window.contour.nodes, times(N_.transpose(), at_nodes), first_node).real().rowwise().sum();
+    first_node += window.contour.nodes.size();
   }
   return (*transposed_)->times_mass(sum) + N_.transpose() * rho.row(0).transpose();
 }

@@ -7,7 +7,6 @@
 // where d, l and r are the factors of e^{hA}, L and R. The transposed maps have the same nodes and S(z)^T, so that they
 // are transposed to rounding, not to the error of the contours alone.
 
-#include "../base/threads.hpp"
 #include "../kernel/discrete_problem.hpp"
 #include "../kernel/kernel.hpp"
 #include "state_maps.hpp"
@@ -19,8 +18,8 @@ namespace bromwich {
 
 class ContourStates final : public StateMaps {
  public:
-  /// Throws Error if no contour holds the spectrum.
-  ContourStates(const DiscreteProblem&, const HostThreads&);
+  /// On the backend of the problem. Throws Error if no contour holds the spectrum. Not for several threads at once.
+  explicit ContourStates(const DiscreteProblem&);
 
   RowMatrix seen(const Vector& x0) const override;
   Vector seen_transposed(const RowMatrix& rho) const override;
@@ -30,16 +29,19 @@ class ContourStates final : public StateMaps {
  private:
   struct Step;
   bool take_windows(const ContourParameters&, double shift);
-  ComplexMatrix solves(const Dynamics&, const ComplexVector& nodes, const ComplexMatrix& right) const;
-  Vector decayed(const Contour&, double t, const Vector& right) const;
+  ComplexMatrix seen_at(const Vector& right, const ComplexVector& nodes) const;
+  ComplexMatrix solve_transposed(const ComplexVector& nodes, const ComplexMatrix& right, Index first_node) const;
 
   Dynamics d_;
   std::optional<Dynamics> transposed_;  ///< A^T, E^T, B^T as outputs and N^T as inputs, where they are known
+  Backend& backend_;
   const HostThreads& threads_;
   SparseMatrix B_, N_;
   Index J_ = 0;
   double h_ = 0;
   std::vector<LagWindow> windows_;
+  /// Prepared solves of transposed_ at the nodes of all windows, as many as `most_kept_bytes` hold.
+  mutable std::vector<std::unique_ptr<ShiftedSystem<Complex>>> kept_;
 };
 
 }  // namespace bromwich

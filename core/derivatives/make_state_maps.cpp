@@ -79,10 +79,10 @@ class KroneckerStateMaps final : public StateMaps {
 
 }  // namespace
 
-std::unique_ptr<StateMaps> make_state_maps(const DiscreteProblem& p, const HostThreads& threads) {
+std::unique_ptr<StateMaps> make_state_maps(const DiscreteProblem& p) {
   if (p.modes()) return std::make_unique<KroneckerStateMaps>(p);
   if (p.small_state()) return std::make_unique<DenseStateMaps>(p);
-  return std::make_unique<ContourStates>(p, threads);
+  return std::make_unique<ContourStates>(p);
 }
 
 }  // namespace bromwich

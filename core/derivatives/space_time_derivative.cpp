@@ -114,7 +114,7 @@ SetRounding SpaceTimeDerivative::follow(const Vector& t) {
 }
 
 const StateMaps& SpaceTimeDerivative::maps() {
-  if (!maps_) maps_ = make_state_maps(forward_->problem(), backend_);
+  if (!maps_) maps_ = make_state_maps(forward_->problem());
   return *maps_;
 }
 
@@ -154,7 +154,7 @@ HeldSets& SpaceTimeDerivative::backward() {
   return *backward_;
 }
 
-DataChange SpaceTimeDerivative::vjp(const SolutionChange& of) {
+DataChange SpaceTimeDerivative::vjp(const SolutionChange& of, bool by_x0) {
   check_table("y", of.y, J_ + 1, n_);
   check_table("w", of.w, J_ + 1, n_);
   check_table("integral", of.integral, J_ + 1, n_);
@@ -176,11 +176,9 @@ DataChange SpaceTimeDerivative::vjp(const SolutionChange& of) {
   check_gradient_at_start(undecided_, first, bar.f.row(0).norm() + first.norm());
   at_zero_.solve_transposed(set_at_zero_, first, mu);
   bar.g.row(0) -= mu.transpose();
-  bar.x0 = maps().seen_transposed(bar.g);
-  if (of.x.size() > 0) {
-    bar.f += of_u;
-    bar.x0 += of_x0;
-  }
+  if (of.x.size() > 0) bar.f += of_u;
+  if (by_x0) bar.x0 = maps().seen_transposed(bar.g);
+  if (by_x0 && of.x.size() > 0) bar.x0 += of_x0;
   bar.M = transposed_product(bar.g, y_, backend_);
   return bar;
 }

@@ -41,8 +41,8 @@ class SpaceTimeDerivative {
   /// is empty, or (J+1) x m with `states`. Uses the plans and arrays of this object.
   SolutionChange jvp(const DataChange&, bool states = false);
   /// x of the function may be empty or (J+1) x m. The gradient has the members f through B, g and M, and x0 where A is
-  /// known as a matrix.
-  DataChange vjp(const SolutionChange&);
+  /// known as a matrix. Without `by_x0` it is left out: for sparse A it costs more than all others.
+  DataChange vjp(const SolutionChange&, bool by_x0 = true);
 
  private:
   SetRounding follow(const Vector& t);

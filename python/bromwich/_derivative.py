@@ -137,18 +137,22 @@ class Derivative:
         ends = [None if v is None else _values(v, name).ravel() for name, v in (("x0", x0), ("b", b))]
         return Tangent(*self._core.jvp(ends[0], *arrays, ends[1], bool(states)))
 
-    def vjp(self, *, y: Any = None, x: Any = None, w: Any = None, integral: Any = None) -> Gradient:
+    def vjp(
+        self, *, y: Any = None, x: Any = None, w: Any = None, integral: Any = None, x0: bool = True
+    ) -> Gradient:
         """The gradient of Σ y̅·y + x̅·x + w̅·w + i̅·∫y with respect to the data.
 
         Args:
             y, x, w, integral: y̅, x̅, w̅ and i̅, (J+1) x n, m, n and n; None: zero. Row j of i̅ weighs the integral of y
                 over [0, t_j].
+            x0: False: without the gradient by x0 where it costs more than all others (sparse A with more than 1000 states).
 
         Raises:
             Error: another shape, or entries that are not finite; weights of y, x or w at a switch (:attr:`one_sided`).
         """
         tables = {"y": y, "x": x, "w": w, "integral": integral}
-        return Gradient(*self._core.vjp(*(None if v is None else _table(v, name) for name, v in tables.items())))
+        weights = (None if v is None else _table(v, name) for name, v in tables.items())
+        return Gradient(*self._core.vjp(*weights, bool(x0)))
 
     def jvp_parameters(
         self,

@@ -84,10 +84,11 @@ class AnyDerivative {
     if (c.b.size() > 0) throw Error("b", "is given to a scene with an initial value", "change x0");
     return switched_ ? switched_->jvp(c) : modal_ ? modal_->jvp(c, states) : discrete_->jvp(c);
   }
-  DataChange vjp(const SolutionChange& c) const {
+  /// Without `by_x0`: without x0 where that costs more than all others.
+  DataChange vjp(const SolutionChange& c, bool by_x0) const {
     if (space_time_) {
       const std::lock_guard lock(machine_->busy);
-      return space_time_->vjp(c);
+      return space_time_->vjp(c, by_x0);
     }
     if (galerkin_) return galerkin_->vjp(c);
     return switched_ ? switched_->vjp(c) : modal_ ? modal_->vjp(c) : discrete_->vjp(c);
@@ -145,8 +146,8 @@ nb::tuple forward(const AnyDerivative& d, const std::optional<Array1>& x0, const
 }
 
 nb::tuple backward(const AnyDerivative& d, const std::optional<Array2>& y, const std::optional<Array2>& x,
-                   const std::optional<Array2>& w, const std::optional<Array2>& integral) {
-  DataChange g = d.vjp({table(y), table(x), table(w), table(integral)});
+                   const std::optional<Array2>& w, const std::optional<Array2>& integral, bool x0) {
+  DataChange g = d.vjp({table(y), table(x), table(w), table(integral)}, x0);
   const auto values = [](Vector& v) { return v.size() > 0 ? handed_over(std::move(v)) : nb::none(); };
   return nb::make_tuple(values(g.x0), handed_over(std::move(g.f)), handed_over(std::move(g.g)), or_none(g.A),
                         or_none(g.B), or_none(g.N), or_none(g.M), or_none(g.E), values(g.b));
@@ -218,7 +219,8 @@ void bind_derivatives(nb::module_& m) {
            nb::arg("integral").none())
       .def("quantity", &quantity, nb::arg("W").none(), nb::arg("c").none(), nb::arg("end_W").none(),
            nb::arg("end_c").none())
-      .def("vjp", &backward, nb::arg("y").none(), nb::arg("x").none(), nb::arg("w").none(), nb::arg("integral").none());
+      .def("vjp", &backward, nb::arg("y").none(), nb::arg("x").none(), nb::arg("w").none(), nb::arg("integral").none(),
+           nb::arg("x0"));
 }
 
 }  // namespace bromwich::python

@@ -100,6 +100,7 @@ TEST_P(SpaceTimeDerivatives, OfDenseAndSparseDynamics) {
     const SolutionChange of = drawn_weights(s, J, 4);
     const DataChange u = d.vjp(of), v = host.vjp(of);
     EXPECT_LE((u.x0 - v.x0).norm(), exact * v.x0.norm()) << where;
+    EXPECT_EQ(d.vjp(of, false).x0.size(), 0);
     EXPECT_LE((u.f - v.f * B).norm(), exact * (v.f * B).norm()) << where;
     EXPECT_LE((u.g - v.g).norm(), exact * v.g.norm()) << where;
     EXPECT_LE((u.M - v.M).norm(), exact * v.M.norm()) << where;
