@@ -155,9 +155,7 @@ RowMatrix GalerkinDerivative::changed_q(const DataChange& c) const {
 SolutionChange GalerkinDerivative::jvp(const DataChange& c) const {
   for (const auto& [name, matrix] : {std::pair("A", &c.A), {"B", &c.B}, {"N", &c.N}, {"E", &c.E}})
     if (matrix->size() > 0) throw Error(name, "is no datum of this derivative", "ask for b, f, g and M");
-  if (p_.initial_value && c.b.size() > 0) throw Error("b", "is given to a scene with an initial value", "change x0");
-  if (!p_.initial_value && c.x0.size() > 0)
-    throw Error("x0", "is given to a scene with a boundary condition", "change b");
+  p_.initial_value ? check_no_b(c.b) : check_no_x0(c.x0);
   check_table("x0", c.x0, m_, 1);
   check_table("b", c.b, m_, 1);
   check_table("f", c.f, p_.N + 1, m_);

@@ -46,6 +46,7 @@ SolutionChange ModalDerivative::jvp(const DataChange& c, bool states) const {
   for (const auto& [name, matrix] : {std::pair("A", &c.A), {"B", &c.B}, {"N", &c.N}, {"E", &c.E}})
     if (matrix->size() > 0)
       throw Error(name, "is part of the structure of a Kronecker sum", "ask for derivatives by x0, f, g and M");
+  check_no_b(c.b);
   check_table("x0", c.x0, m_, 1);
   check_table("f", c.f, J_ + 1, n_);
   check_table("g", c.g, J_ + 1, n_);

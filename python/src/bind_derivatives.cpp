@@ -81,7 +81,6 @@ class AnyDerivative {
       return space_time_->jvp(c, states);
     }
     if (galerkin_) return galerkin_->jvp(c);
-    if (c.b.size() > 0) throw Error("b", "is given to a scene with an initial value", "change x0");
     return switched_ ? switched_->jvp(c) : modal_ ? modal_->jvp(c, states) : discrete_->jvp(c);
   }
   /// Without `by_x0`: without x0 where that costs more than all others.

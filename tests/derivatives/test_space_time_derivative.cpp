@@ -153,6 +153,11 @@ TEST(SpaceTimeDerivative, Refuses) {
   };
   EXPECT_NE(of_change([](DataChange& c) { c.A = Matrix::Zero(25, 25); }).find("no datum"), std::string::npos);
   EXPECT_NE(of_change([](DataChange& c) { c.x0 = Vector::Zero(24); }).find("give 25 x 1"), std::string::npos);
+  DataChange ends;
+  ends.b = Vector::Zero(25);
+  for (const std::string& found : {refusal([&] { d.jvp(ends); }), refusal([&] { ModalDerivative(s, r).jvp(ends); }),
+                                   refusal([&] { SolutionDerivative(written_out(s), r).jvp(ends); })})
+    EXPECT_NE(found.find("change x0"), std::string::npos);
   SolutionChange of;
   of.x = RowMatrix::Zero(J + 1, 24);
   EXPECT_NE(refusal([&] { d.vjp(of); }).find("give 17 x 25"), std::string::npos);
