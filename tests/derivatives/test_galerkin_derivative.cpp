@@ -67,7 +67,9 @@ Scene changed_ends(const Scene& s, const DataChange& c, double by) {
 }
 
 void expect_differences(const Scene& s) {
-  const GalerkinDerivative d(s, solved(s));
+  const Result at = solved(s);
+  EXPECT_TRUE((at.y.array() > 0).any() && (at.y.array() == 0).any());
+  const GalerkinDerivative d(s, at);
   ASSERT_GT(d.margin().margin, 1e-6);
   const DataChange all = drawn_with_b(s, 3);
   for (int member = 0; member < 4; ++member) {
@@ -128,25 +130,28 @@ TEST(GalerkinDerivative, PassesAreTransposed) {
   expect_transposed(make_scene("periodic-rectifier", {}));
 }
 
-// x' = x + f, x(0) + x(T) = b: x(0) = (b - ∫ e^{T-s} f)/(1 + e^T), and y never acts.
+// x' = x + f, x(0) + x(T) = b: x(0) = (b - ∫ e^{T-s} f)/(1 + e^T), and y never acts, or there is none.
 TEST(GalerkinDerivative, OfALinearProblem) {
-  Scene s;
-  s.dynamics = DenseDynamics{Matrix::Ones(1, 1), Matrix::Ones(1, 1), Matrix::Zero(1, 1)};
-  s.M = Matrix(Matrix::Ones(1, 1));
-  s.g = [](double, Eigen::Ref<Vector> v) { v[0] = 1; };
-  s.T = 1.5;
-  s.boundary = BoundaryCondition{Matrix::Ones(1, 1), Matrix::Ones(1, 1), Vector::Ones(1)};
-  const GalerkinDerivative d(s, solved(s));
-  DataChange c;
-  c.b = Vector::Ones(1);
-  EXPECT_NEAR(d.jvp(c).x(0, 0), 1 / (1 + std::exp(1.5)), 1e-14);
-  EXPECT_NEAR(d.jvp(c).x(N, 0), std::exp(1.5) / (1 + std::exp(1.5)), 1e-14);
-  SolutionChange of;
-  of.x = RowMatrix::Zero(N + 1, 1);
-  of.x(0, 0) = 1;
-  const DataChange bar = d.vjp(of);
-  EXPECT_NEAR(bar.b[0], 1 / (1 + std::exp(1.5)), 1e-14);
-  EXPECT_NEAR(bar.f.sum(), -(std::exp(1.5) - 1) / (1 + std::exp(1.5)), 1e-14);  // of a constant f
+  for (const Index n : {Index(1), Index(0)}) {
+    Scene s;
+    s.dynamics = DenseDynamics{Matrix::Ones(1, 1), Matrix::Ones(1, n), Matrix::Zero(n, 1)};
+    s.M = Matrix(Matrix::Ones(n, n));
+    if (n > 0) s.g = [](double, Eigen::Ref<Vector> v) { v[0] = 1; };
+    s.T = 1.5;
+    s.boundary = BoundaryCondition{Matrix::Ones(1, 1), Matrix::Ones(1, 1), Vector::Ones(1)};
+    const GalerkinDerivative d(s, solved(s));
+    DataChange c;
+    c.b = Vector::Ones(1);
+    const double first = 1 / (1 + std::exp(1.5));
+    EXPECT_NEAR(d.jvp(c).x(0, 0), first, 1e-14);
+    EXPECT_NEAR(d.jvp(c).x(N, 0), std::exp(1.5) * first, 1e-14);
+    SolutionChange of;
+    of.x = RowMatrix::Zero(N + 1, 1);
+    of.x(0, 0) = 1;
+    const DataChange bar = d.vjp(of);
+    EXPECT_NEAR(bar.b[0], first, 1e-14);
+    EXPECT_NEAR(bar.f.sum(), -(std::exp(1.5) - 1) * first, 1e-14);  // of a constant f
+  }
 }
 
 TEST(GalerkinDerivative, Refuses) {
