@@ -78,10 +78,10 @@ ModalConvolution::ModalConvolution(const KroneckerDynamics& d, double h, double 
   w1_ = filled_up(r.w1, width());
   s1_ = filled_up(r.s1, width());
   lags_ = RowMatrix::Zero(moved_together - 1, width());
-  RowMatrix terms = r.output;  // C E^{d-1}
-  for (Index d = 0; d < lags_.rows(); ++d) {
-    lags_.row(d).head(r.modes()) = terms.colwise().sum();
-    if (d == 0) lags_.row(d) += w1_.transpose();
+  RowMatrix terms = r.output;  // C E^{lag-1}
+  for (Index lag = 1; lag < moved_together; ++lag) {
+    lags_.row(lag - 1).head(r.modes()) = terms.colwise().sum();
+    if (lag == 1) lags_.row(0) += w1_.transpose();
     terms = terms.cwiseProduct(r.decay);
   }
 }

@@ -42,14 +42,6 @@ const Scene& checked_for_all_times(const Scene& scene, const Result& r) {
   return scene;
 }
 
-Scene without_f_and_g(Scene scene) {
-  scene.f = {};
-  scene.f_entry = SourceEntry::state;
-  scene.g = {};
-  scene.breakpoints.clear();
-  return scene;
-}
-
 // Row k becomes row J + 1 - k; row 0 becomes 0.
 RowMatrix in_reversed_time(const RowMatrix& u) {
   RowMatrix result(u.rows(), u.cols());
