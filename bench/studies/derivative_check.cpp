@@ -131,7 +131,7 @@ Discrete discrete_of(const Scene& scene, Backend& backend, Index steps, std::str
     kind = "in modes";
   } else {
     const auto of = std::make_shared<SpaceTimeDerivative>(scene, d.result, backend);
-    d.jvp = [of](const DataChange& c) { return of->jvp(c); };
+    d.jvp = [of](const DataChange& c) { return of->jvp(c, true); };
     d.vjp = [of](const SolutionChange& c) { return of->vjp(c); };
     d.margin = of->margin().margin;
     kind = "over all times";

@@ -16,4 +16,12 @@ inline void check_table(const char* name, const Eigen::Ref<const RowMatrix>& tab
   if (!((0 * table).sum() == 0)) throw Error(name, "has an entry that is not finite", "give finite numbers");
 }
 
+/// x0 or b, whichever the scene does not have. Throws Error where it is given.
+inline void check_no_b(const Vector& b) {
+  if (b.size() > 0) throw Error("b", "is given to a scene with an initial value", "change x0");
+}
+inline void check_no_x0(const Vector& x0) {
+  if (x0.size() > 0) throw Error("x0", "is given to a scene with a boundary condition", "change b");
+}
+
 }  // namespace bromwich

@@ -19,24 +19,32 @@ class FaceModes {
   /// n points.
   explicit FaceModes(FaceBasis);
 
-  /// V^T v of each row v of `values`, which has n columns, and V v.
-  RowMatrix to_modes(RowMatrix values) const { return transformed(std::move(values), Way::to_modes); }
-  RowMatrix to_points(RowMatrix modes) const { return transformed(std::move(modes), Way::to_points); }
+  /// n, filled up to whole vectors.
+  Index width() const { return width_; }
 
-  /// Sets (V modes)_i for each i of `set`; other entries may change too. `modes` and `values`: n.
-  void seen_on(const std::vector<Index>& set, const Vector& modes, Vector& values) const;
+  /// V^T v or V v in place of each row v, of n entries.
+  void transform(Way, Eigen::Ref<RowMatrix> rows) const;
+  RowMatrix to_modes(RowMatrix values) const { return transformed(Way::to_modes, std::move(values)); }
+  RowMatrix to_points(RowMatrix modes) const { return transformed(Way::to_points, std::move(modes)); }
+
+  /// Sets (V modes)_i for each i of `set`; other entries may change too. `values`: n. `modes`: `width`, with zeros
+  /// behind n.
+  void seen_on(const std::vector<Index>& set, const double* modes, Vector& values) const;
   /// modes = V^T v for values v that are zero outside of `set`.
-  void of_set(const std::vector<Index>& set, const Vector& values, Vector& modes) const;
+  void of_set(const std::vector<Index>& set, const Vector& values, double* modes) const;
 
  private:
-  RowMatrix transformed(RowMatrix values, Way) const;
-  void fold(RowMatrix& values) const;
+  RowMatrix transformed(Way way, RowMatrix values) const {
+    transform(way, values);
+    return values;
+  }
+  void fold(Eigen::Ref<RowMatrix> values) const;
 
   FaceBasis basis_;
-  Index n_;
+  Index n_, width_;
   // One direction only.
   Matrix even_, odd_;  ///< sines: S of modes 0, 2, ... and 1, 3, ..., for the first half of the points
-  RowMatrix columns_;  ///< V, n x n, columns filled up to whole vectors
+  RowMatrix columns_;  ///< V, n x n, columns filled up to `width`
 };
 
 }  // namespace bromwich

@@ -5,6 +5,19 @@
 
 namespace bromwich {
 
+namespace {
+
+std::vector<Index> columns_in_use(const Eigen::Ref<const RowMatrix>& rows) {
+  Eigen::RowVectorXd sums = Eigen::RowVectorXd::Zero(rows.cols());
+  for (Index j = 0; j < rows.rows(); ++j) sums += rows.row(j).cwiseAbs();
+  std::vector<Index> found;
+  for (Index i = 0; i < rows.cols(); ++i)
+    if (sums[i] != 0) found.push_back(i);
+  return found;
+}
+
+}  // namespace
+
 LcpMatrix transposed(const LcpMatrix& M) {
   if (const auto* dense = std::get_if<Matrix>(&M)) return Matrix(dense->transpose());
   if (const SparseMatrix* sparse = sparse_of(M)) return SparseLcpMatrix(sparse->transpose());
@@ -41,6 +54,18 @@ void add_products(const LcpMatrix& M, const RowMatrix& y, RowMatrix& w) {
   for (Index j = 0; j < y.rows(); ++j) add_product(M, y.row(j).data(), w.row(j).data());
 }
 
+void add_transposed_product(const Eigen::Ref<const RowMatrix>& a, const Eigen::Ref<const RowMatrix>& b,
+                            Eigen::Ref<Matrix> product) {
+  const std::vector<Index> of_a = columns_in_use(a), of_b = columns_in_use(b);
+  const Matrix part = a(Eigen::all, of_a).transpose() * b(Eigen::all, of_b);
+  product(of_a, of_b) += part;
+}
+
+void add_rows_times(const Eigen::Ref<const RowMatrix>& y, const Matrix& C, Eigen::Ref<RowMatrix> rows) {
+  const std::vector<Index> used = columns_in_use(y);
+  rows.noalias() += RowMatrix(y(Eigen::all, used)) * Matrix(C(Eigen::all, used)).transpose();
+}
+
 // Some rows at a time: the copies that a product makes of its factors stay small.
 Matrix transposed_product(const RowMatrix& a, const RowMatrix& b, const HostThreads& threads) {
   constexpr Index together = 64, columns = 128;
@@ -48,8 +73,8 @@ Matrix transposed_product(const RowMatrix& a, const RowMatrix& b, const HostThre
   share(threads, a.cols(), columns, [&](Index first, Index last) {
     for (Index j = 0; j < a.rows(); j += together) {
       const Index count = std::min(together, a.rows() - j);
-      product.middleRows(first, last - first).noalias() +=
-          a.block(j, first, count, last - first).transpose() * b.middleRows(j, count);
+      add_transposed_product(a.block(j, first, count, last - first), b.middleRows(j, count),
+                             product.middleRows(first, last - first));
     }
   });
   return product;

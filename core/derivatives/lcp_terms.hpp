@@ -17,6 +17,11 @@ void add_product(const LcpMatrix& M, const double* y, double* w);
 /// The same for all rows.
 void add_products(const LcpMatrix& M, const RowMatrix& y, RowMatrix& w);
 
+/// product += a^T b. Columns of zeros cost nothing.
+void add_transposed_product(const Eigen::Ref<const RowMatrix>& a, const Eigen::Ref<const RowMatrix>& b,
+                            Eigen::Ref<Matrix> product);
+/// rows += y C^T, likewise.
+void add_rows_times(const Eigen::Ref<const RowMatrix>& y, const Matrix& C, Eigen::Ref<RowMatrix> rows);
 /// a^T b.
 Matrix transposed_product(const RowMatrix& a, const RowMatrix& b, const HostThreads& = HostThreads());
 

@@ -5,11 +5,6 @@
 #include "core/kernel/recurrence.hpp"
 #include "core/numerics/phi.hpp"
 
-#include <algorithm>
-#include <cmath>
-#include <type_traits>
-#include <utility>
-
 namespace bromwich {
 
 using simd::Lanes;
@@ -17,15 +12,30 @@ using simd::Lanes;
 namespace {
 
 constexpr Index fewest_compressed = 40;  ///< of eigenvalues: a fit of fewer would not halve their number
-constexpr Index rows_together = 16;      ///< of time points, which the registers hold
-constexpr Index few_rows = 2;            ///< of these, in which most exponentials of a fine line vanish
-constexpr double vanished = 1e-290;      ///< as nothing; denormal numbers are slow
+constexpr Index moved_together = 4;      ///< time points by which the exponentials move
 
-// Zeros in further columns.
-void fill_up(RowMatrix& table, Index columns) {
-  RowMatrix filled = RowMatrix::Zero(table.rows(), columns);
-  filled.leftCols(table.cols()) = table;
-  table = std::move(filled);
+// Adds C E^i z to sum i.
+inline void add_powers(Lanes z, Lanes output, Lanes decay, Lanes (&sums)[moved_together]) {
+  Lanes term = output * z;
+  for (Lanes& sum : sums) {
+    sum += term;
+    term *= decay;
+  }
+}
+
+// A table K x n in the order of ModalConvolution::State::values; zero in further columns.
+Vector by_vectors(const RowMatrix& table) {
+  const Index K = table.rows(), n = table.cols();
+  Vector result = Vector::Zero(K * simd::blocks(n) * simd::lanes);
+  for (Index l = 0; l < n; ++l)
+    for (Index k = 0; k < K; ++k) result[(l / simd::lanes * K + k) * simd::lanes + l % simd::lanes] = table(k, l);
+  return result;
+}
+
+Vector filled_up(const Vector& v, Index width) {
+  Vector result = Vector::Zero(width);
+  result.head(v.size()) = v;
+  return result;
 }
 
 // `whole` with these exponentials from lag 2 on. Lags 0 and 1 stay exact.
@@ -54,135 +64,90 @@ ModalRecurrence shortened(const ModalRecurrence& whole, const KroneckerDynamics&
 
 }  // namespace
 
-ModalConvolution::ModalConvolution(const KroneckerDynamics& d, double h, double T)
-    : r_(modal_recurrence(d, Rule::exponential, h, RowMatrix())) {
+ModalConvolution::ModalConvolution(const KroneckerDynamics& d, double h, double T) {
+  ModalRecurrence r = modal_recurrence(d, Rule::exponential, h, RowMatrix());
   if (d.across.points > fewest_compressed) {
     const ExponentialSum sum = compress_line_kernel(d, h, T);
-    if (sum.error <= accepted_compression_error && 2 * sum.rates.size() <= d.across.points)
-      r_ = shortened(r_, d, sum, h);
+    if (sum.error <= accepted_compression_error && 2 * sum.rates.size() <= d.across.points) r = shortened(r, d, sum, h);
   }
-  const Index n = r_.w0.size(), width = simd::blocks(n) * simd::lanes;
-  for (RowMatrix* table : {&r_.decay, &r_.output, &r_.start}) fill_up(*table, width);
-  for (Vector* weights : {&r_.w1, &r_.s1}) {
-    weights->conservativeResize(width);
-    weights->tail(width - n).setZero();
+  K_ = r.exponentials();
+  own_ = r.w0;
+  decay_ = by_vectors(r.decay);
+  output_ = by_vectors(r.output);
+  start_ = by_vectors(r.start);
+  w1_ = filled_up(r.w1, width());
+  s1_ = filled_up(r.s1, width());
+  lags_ = RowMatrix::Zero(moved_together - 1, width());
+  RowMatrix terms = r.output;  // C E^{lag-1}
+  for (Index lag = 1; lag < moved_together; ++lag) {
+    lags_.row(lag - 1).head(r.modes()) = terms.colwise().sum();
+    if (lag == 1) lags_.row(0) += w1_.transpose();
+    terms = terms.cwiseProduct(r.decay);
   }
 }
 
 ModalConvolution::State ModalConvolution::state() const {
-  const Index width = r_.decay.cols();
-  return {RowMatrix::Zero(r_.decay.rows(), width), Vector::Zero(width), Vector(width)};
+  return {Vector::Zero(decay_.size()), RowMatrix::Zero(moved_together - 1, width()),
+          RowMatrix::Zero(moved_together, width())};
 }
 
-void ModalConvolution::advance(Index j, const double* u, State& z, Vector& a) const {
-  const Index n = a.size(), width = r_.decay.cols(), K = r_.decay.rows();
-  std::copy(u, u + n, z.given.data());
-  for (Index l = 0; l < width; l += simd::lanes) {
-    const Lanes given = simd::load(&z.given[l]);
-    Lanes sum = simd::load(j == 1 ? &r_.s1[l] : &r_.w1[l]) * given;
-    for (Index k = 0; k < K; ++k) {
-      double* at = &z.values(k, l);
-      const Lanes value =
-          j == 1 ? simd::load(&r_.start(k, l)) * given : simd::load(&r_.decay(k, l)) * simd::load(at) + given;
-      sum += simd::load(&r_.output(k, l)) * value;
-      simd::store(at, value);
+void ModalConvolution::start(const double* u, State& z, double* a) const {
+  for (Index l = 0, at = 0; l < width(); l += simd::lanes) {
+    const Lanes given = simd::load(u + l);
+    Lanes sums[moved_together] = {};
+    for (Index k = 0; k < K_; ++k, at += simd::lanes) {
+      const Lanes value = simd::load(&start_[at]) * given;
+      simd::store(&z.values[at], value);
+      add_powers(value, simd::load(&output_[at]), simd::load(&decay_[at]), sums);
     }
-    simd::store(&z.made[l], sum);
+    for (Index i = 0; i < moved_together; ++i) simd::store(&z.older(i, l), sums[i]);
+    simd::store(a + l, simd::load(&s1_[l]) * given + sums[0]);
   }
-  a = z.made.head(n);
+  z.waiting = 0;
 }
 
-void ModalConvolution::retreat(Index j, const double* rho, State& zeta, Vector& b) const {
-  const Index n = b.size(), width = r_.decay.cols(), K = r_.decay.rows();
-  std::copy(rho, rho + n, zeta.given.data());
-  for (Index l = 0; l < width; l += simd::lanes) {
-    const Lanes given = simd::load(&zeta.given[l]);
-    Lanes sum = simd::load(j == 0 ? &r_.s1[l] : &r_.w1[l]) * given;
-    for (Index k = 0; k < K; ++k) {
-      double* at = &zeta.values(k, l);
-      const Lanes value = simd::load(&r_.decay(k, l)) * simd::load(at) + simd::load(&r_.output(k, l)) * given;
-      sum += j == 0 ? simd::load(&r_.start(k, l)) * value : value;
-      simd::store(at, value);
+void ModalConvolution::advance(const double* u, State& z, double* a) const {
+  const Index behind = z.waiting;
+  if (behind + 1 < moved_together) {  // by lags
+    for (Index l = 0; l < width(); l += simd::lanes) {
+      const Lanes given = simd::load(u + l);
+      simd::store(&z.later(behind, l), given);
+      Lanes sum = simd::load(&z.older(behind + 1, l)) + simd::load(&lags_(0, l)) * given;
+      for (Index i = 0; i < behind; ++i) sum += simd::load(&lags_(behind - i, l)) * simd::load(&z.later(i, l));
+      simd::store(a + l, sum);
     }
-    simd::store(&zeta.made[l], sum);
+    ++z.waiting;
+    return;
   }
-  b = zeta.made.head(n);
+  for (Index l = 0, at = 0; l < width(); l += simd::lanes) {
+    Lanes given[moved_together], sums[moved_together] = {};
+    for (Index i = 0; i < behind; ++i) given[i] = simd::load(&z.later(i, l));
+    given[behind] = simd::load(u + l);
+    for (Index k = 0; k < K_; ++k, at += simd::lanes) {
+      const Lanes decay = simd::load(&decay_[at]);
+      Lanes value = simd::load(&z.values[at]);
+      for (const Lanes& next : given) value = value * decay + next;
+      simd::store(&z.values[at], value);
+      add_powers(value, simd::load(&output_[at]), decay, sums);
+    }
+    for (Index i = 0; i < moved_together; ++i) simd::store(&z.older(i, l), sums[i]);
+    simd::store(a + l, simd::load(&w1_[l]) * given[behind] + sums[0]);
+  }
+  z.waiting = 0;
 }
 
-ModalStart::ModalStart(const KroneckerDynamics& d, double h)
-    : n_(d.face_points()),
-      seen_(d.across.in_modes(d.n)),
-      decay_(RowMatrix::Zero(seen_.size(), simd::blocks(n_) * simd::lanes)) {
-  const Vector mu = d.face_eigenvalues(), nu = d.across.eigenvalues();
-  ends_.resize(seen_.size(), simd::blocks(n_));
-  for (Index k = 0; k < nu.size(); ++k) {
-    const Eigen::ArrayXd exponents = h * (mu.array() + nu[k]);
-    decay_.row(k).head(n_) = exponents.exp();
-    for (Index l = 0; l < n_; l += simd::lanes) {
-      const double slowest = exponents.segment(l, std::min<Index>(simd::lanes, n_ - l)).maxCoeff();
-      ends_(k, l / simd::lanes) = slowest < 0 ? std::log(vanished) / slowest : INFINITY;
+void ModalConvolution::finish(const double* rho, const State& zeta, double* b) const {
+  for (Index l = 0, at = 0; l < width(); l += simd::lanes) {
+    const Lanes given = simd::load(rho + l);
+    Lanes sum = simd::load(&s1_[l]) * given;
+    for (Index k = 0; k < K_; ++k, at += simd::lanes) {
+      const Lanes decay = simd::load(&decay_[at]);
+      Lanes value = simd::load(&zeta.values[at]);
+      for (Index i = 0; i < zeta.waiting; ++i) value = value * decay + simd::load(&zeta.later(i, l));
+      sum += simd::load(&output_[at]) * simd::load(&start_[at]) * (value * decay + given);
     }
+    simd::store(b + l, sum);
   }
-}
-
-RowMatrix ModalStart::response(const RowMatrix& x0, Index J) const {
-  const Index K = seen_.size(), width = decay_.cols();
-  RowMatrix x = RowMatrix::Zero(K, width), out(J + 1, n_), rows(rows_together, width);
-  x.leftCols(n_) = seen_.asDiagonal() * x0;
-  for (Index first = 0; first <= J; first += rows_together) {
-    for (Index l = 0; l < width; l += simd::lanes) {
-      Lanes sum[rows_together] = {};
-      const auto add = [&]<Index used>(Index k, std::integral_constant<Index, used>) {
-        Lanes value = simd::load(&x(k, l));
-        const Lanes decay = simd::load(&decay_(k, l));
-        for (Index i = 0; i < used; ++i) {
-          sum[i] += value;
-          value *= decay;
-        }
-        simd::store(&x(k, l), simd::abs(value) > vanished ? value : Lanes{});
-      };
-      for (Index k = 0; k < K; ++k) {
-        const double left = ends_(k, l / simd::lanes) - double(first);
-        if (left >= double(few_rows))
-          add(k, std::integral_constant<Index, rows_together>());
-        else if (left >= 0)
-          add(k, std::integral_constant<Index, few_rows>());
-      }
-      for (Index i = 0; i < rows_together; ++i) simd::store(&rows(i, l), sum[i]);
-    }
-    const Index count = std::min(rows_together, J + 1 - first);
-    out.middleRows(first, count) = rows.topLeftCorner(count, n_);
-  }
-  return out;
-}
-
-// q_j = E q_{j+1} + rho_j from above the last row, where rows are zero, down to row 0.
-RowMatrix ModalStart::transposed(const RowMatrix& rho) const {
-  const Index K = seen_.size(), width = decay_.cols();
-  RowMatrix q = RowMatrix::Zero(K, width), rows = RowMatrix::Zero(rows_together, width);
-  for (Index first = (rho.rows() - 1) / rows_together * rows_together; first >= 0; first -= rows_together) {
-    const Index count = std::min(rows_together, rho.rows() - first);
-    rows.bottomRows(rows_together - count).setZero();
-    rows.topLeftCorner(count, n_) = rho.middleRows(first, count);
-    for (Index l = 0; l < width; l += simd::lanes) {
-      Lanes given[rows_together];
-      for (Index i = 0; i < rows_together; ++i) given[i] = simd::load(&rows(i, l));
-      const auto take = [&]<Index used>(Index k, std::integral_constant<Index, used>) {
-        Lanes value = simd::load(&q(k, l));
-        const Lanes decay = simd::load(&decay_(k, l));
-        for (Index i = used; i-- > 0;) value = value * decay + given[i];
-        simd::store(&q(k, l), value);
-      };
-      for (Index k = 0; k < K; ++k) {
-        const double left = ends_(k, l / simd::lanes) - double(first);
-        if (left >= double(few_rows))
-          take(k, std::integral_constant<Index, rows_together>());
-        else if (left >= 0)
-          take(k, std::integral_constant<Index, few_rows>());
-      }
-    }
-  }
-  return seen_.asDiagonal() * q.leftCols(n_);
 }
 
 }  // namespace bromwich

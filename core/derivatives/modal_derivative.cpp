@@ -3,7 +3,6 @@
 #include "core/base/error.hpp"
 #include "core/base/text.hpp"
 #include "core/derivatives/lcp_terms.hpp"
-#include "core/numerics/phi.hpp"
 #include "core/scene/separable.hpp"
 
 #include <algorithm>
@@ -47,18 +46,18 @@ ModalDerivative::ModalDerivative(const Scene& scene, const Result& result)
       scene_M_(scene.M),
       transposed_M_(transposed(scene.M)),
       M_(to_dense(scene.M)),
-      across_(d_.across.modes()),
-      face_(d_.face_basis()),
       J_(result.steps),
       m_(scene.states()),
       n_(scene.constraints()),
-      K_(d_.across.points),
       h_(scene.T / double(J_)),
       t_(result.t),
       seen_(d_.across.in_modes(d_.n)),
+      states_(d_, h_),
+      face_(states_.face()),
       convolution_(d_, h_, scene.T),
       start_(d_, h_),
-      y_(result.y) {
+      y_(result.y),
+      x0_(scene.x0) {
   if (y_.rows() != J_ + 1 || y_.cols() != n_ || t_.size() != J_ + 1)
     refuse_in_modes("the result has other rows than its grid", "differentiate a result as solve returned it");
   every_.resize(std::size_t(n_));
@@ -71,50 +70,29 @@ ModalDerivative::ModalDerivative(const Scene& scene, const Result& result)
     sets_[std::size_t(j)] = j > 0 ? responses_.take(positive_in(y_, j), W) : responses_.take(positive_in(y_, j), M_, 1);
   const RowMatrix g = sampled(scene.g, t_, n_);
   w_ = g + y_ * M_.transpose();
-  const SetRounding zero =
-      rounding_of_sets(follow(state_modes(scene.x0), y_ + sampled(scene.f, t_, n_)), scene.M, y_, g);
+  u_ = y_ + sampled(scene.f, t_, n_);
+  const SetRounding zero = rounding_of_sets(follow(states_.modes_of(x0_), u_), scene.M, y_, g);
   undecided_ = undecided_at_start(w_, zero, responses_.active(sets_[0]));
   margin_ = margin_of_sets(y_, w_, zero, t_, [this](Index j) -> const std::vector<Index>& {
     return responses_.active(sets_[std::size_t(j)]);
   });
 }
 
-// K x n modes of m values, face points slowest.
-RowMatrix ModalDerivative::state_modes(const Vector& x) const {
-  return face_.to_modes(across_.transpose() * Eigen::Map<const RowMatrix>(x.data(), n_, K_).transpose());
-}
-
-Vector ModalDerivative::state_of(const RowMatrix& modes) const {
-  const RowMatrix x = face_.to_points(modes).transpose() * across_.transpose();
-  return Eigen::Map<const Vector>(x.data(), m_);
-}
-
-// e^{hA}, L B and R B in modes, K x n each.
-ModalDerivative::StateMaps ModalDerivative::state_maps() const {
-  const Vector mu = d_.face_eigenvalues(), nu = d_.across.eigenvalues(), b = d_.across.in_modes(d_.b);
-  StateMaps maps;
-  for (RowMatrix* table : {&maps.E, &maps.Lb, &maps.Rb}) table->resize(K_, n_);
-  for (Index k = 0; k < K_; ++k) {
-    const ArrayPhi phi = array_phi(h_ * (mu.array() + nu[k]));
-    maps.E.row(k) = phi.exponential;
-    maps.Lb.row(k) = h_ * b[k] * (phi.phi1 - phi.phi2);
-    maps.Rb.row(k) = h_ * b[k] * phi.phi2;
-  }
-  return maps;
-}
-
 // Adds N x of the states that x0 and u = y + phi give to w, which has to vanish where y acts. Returns the largest
 // |(N x)_i| over time.
 Vector ModalDerivative::follow(const RowMatrix& x0, const RowMatrix& u) {
-  const RowMatrix modes = face_.to_modes(u);
-  RowMatrix v = start_.response(x0, J_);
+  const Index width = face_.width();
+  RowMatrix v = start_.response(x0, J_), modes = RowMatrix::Zero(J_ + 1, width);
+  modes.leftCols(n_) = u;
+  face_.transform(Way::to_modes, modes.leftCols(n_));
   ModalConvolution::State z = convolution_.state();
-  Vector a(n_), off(n_);
+  Vector a(width), off(n_);
   for (Index j = 1; j <= J_; ++j) {
-    convolution_.advance(j, modes.row(j - 1).data(), z, a);
-    v.row(j) += (a + convolution_.own().cwiseProduct(modes.row(j).transpose())).transpose();
+    const double* before = modes.row(j - 1).data();
+    j == 1 ? convolution_.start(before, z, a.data()) : convolution_.advance(before, z, a.data());
+    v.row(j) += (a.head(n_) + convolution_.own().cwiseProduct(modes.row(j).head(n_).transpose())).transpose();
   }
-  v = face_.to_points(std::move(v));
+  face_.transform(Way::to_points, v);
   w_ += v;
   const double allowed = same_y * (1e-290 + y_.cwiseAbs().maxCoeff());
   for (Index j = 0; j <= J_; ++j) {
@@ -131,31 +109,26 @@ Vector ModalDerivative::follow(const RowMatrix& x0, const RowMatrix& u) {
   return v.cwiseAbs().colwise().maxCoeff();
 }
 
-RowMatrix ModalDerivative::states_of(const RowMatrix& x0, const RowMatrix& u) const {
-  const auto [E, Lb, Rb] = state_maps();
-  RowMatrix x = x0.size() > 0 ? x0 : RowMatrix::Zero(K_, n_), all(J_ + 1, m_);
-  for (Index j = 0; j <= J_; ++j) {
-    if (j > 0)
-      x.array() =
-          E.array() * x.array() + Lb.array().rowwise() * u.row(j - 1).array() + Rb.array().rowwise() * u.row(j).array();
-    all.row(j) = state_of(x).transpose();
-  }
-  return all;
+// Changes of w and x.
+SolutionChange ModalDerivative::with_y_held(const KroneckerChange& c, bool states) const {
+  SolutionChange direct;
+  direct.w =
+      face_.to_points(states_.change(c, states_.modes_of(x0_), face_.to_modes(u_), states ? &direct.x : nullptr));
+  return direct;
 }
 
-// The transposed: the gradient with respect to u, (J+1) x n in modes, and to x0, K x n.
-std::pair<RowMatrix, RowMatrix> ModalDerivative::states_transposed(const RowMatrix& of_x) const {
-  const auto [E, Lb, Rb] = state_maps();
-  const auto collect = [](const RowMatrix& weights, const RowMatrix& q) {
-    return weights.cwiseProduct(q).colwise().sum().eval();
-  };
-  RowMatrix u = RowMatrix::Zero(J_ + 1, n_), q = RowMatrix::Zero(K_, n_);
-  for (Index j = J_; j >= 0; --j) {
-    u.row(j) = collect(Lb, q);
-    q = q.cwiseProduct(E) + state_modes(of_x.row(j).transpose());
-    if (j > 0) u.row(j) += collect(Rb, q);
-  }
-  return {std::move(u), std::move(q)};
+SolutionChange ModalDerivative::jvp(const KroneckerChange& c, bool states) const {
+  SolutionChange direct = with_y_held(c, states);
+  DataChange as_g;
+  as_g.g = std::move(direct.w);
+  SolutionChange out = jvp(as_g, states);
+  if (states) out.x += direct.x;
+  return out;
+}
+
+double ModalDerivative::along(const KroneckerChange& c, const SolutionChange& of, const DataChange& gradient) const {
+  const SolutionChange direct = with_y_held(c, of.x.size() > 0);
+  return gradient.g.cwiseProduct(direct.w).sum() + (of.x.size() > 0 ? of.x.cwiseProduct(direct.x).sum() : 0);
 }
 
 }  // namespace bromwich

@@ -11,8 +11,9 @@
 
 #include "../result/result.hpp"
 #include "../scene/scene.hpp"
-#include "face_modes.hpp"
+#include "kronecker_states.hpp"
 #include "modal_convolution.hpp"
+#include "modal_start.hpp"
 #include "solution_derivative.hpp"
 
 #include <utility>
@@ -26,6 +27,8 @@ class ModalDerivative {
   /// the time points. Throws Error as SolutionDerivative does, for dynamics other than Kronecker sums, and for sources
   /// of the state that do not enter through B.
   ModalDerivative(const Scene&, const Result&);
+  ModalDerivative(const ModalDerivative&) = delete;
+  ModalDerivative& operator=(const ModalDerivative&) = delete;
 
   Index steps() const { return J_; }
   const DerivativeMargin& margin() const { return margin_; }
@@ -36,28 +39,31 @@ class ModalDerivative {
   /// x of the function may be empty or (J+1) x m. The gradient has the members x0, f through B, g and M.
   DataChange vjp(const SolutionChange&) const;
 
+  /// The same for a change of the parameters of the sum. It takes all modes of the state, K x n at each time point.
+  SolutionChange jvp(const KroneckerChange&, bool states = false) const;
+  /// The derivative in this direction of the function `of`, whose gradient vjp gave.
+  double along(const KroneckerChange&, const SolutionChange& of, const DataChange& gradient) const;
+
  private:
-  struct StateMaps {
-    RowMatrix E, Lb, Rb;  ///< e^z, h b^_k (phi_1 - phi_2)(z) and h b^_k phi_2(z), z = h (mu_l + nu_k)
-  };
-  StateMaps state_maps() const;
-  RowMatrix state_modes(const Vector& x) const;
-  Vector state_of(const RowMatrix& modes) const;
-  RowMatrix states_of(const RowMatrix& x0, const RowMatrix& u) const;
-  std::pair<RowMatrix, RowMatrix> states_transposed(const RowMatrix& of_x) const;
+  SolutionChange with_y_held(const KroneckerChange&, bool states) const;
+  struct Pass;
+  void step_forward(Pass&, SolutionChange&) const;
+  void step_backward(Pass&, const SolutionChange& of, const RowMatrix& given, Vector& later, DataChange&) const;
   Vector follow(const RowMatrix& x0, const RowMatrix& u);
 
   KroneckerDynamics d_;
   LcpMatrix scene_M_, transposed_M_;
-  Matrix M_, across_;  ///< across_: modes of one line in its columns
-  FaceModes face_;
-  Index J_ = 0, m_ = 0, n_ = 0, K_ = 0;
+  Matrix M_;
+  Index J_ = 0, m_ = 0, n_ = 0;
   double h_ = 0;
   Vector t_, seen_;  ///< seen_: n^, K
+  KroneckerStates states_;
+  const FaceModes& face_;  ///< of states_
   ModalConvolution convolution_;
   ModalStart start_;
   std::vector<Index> every_;  ///< 0, 1, ..., n - 1
-  RowMatrix y_, w_;
+  RowMatrix y_, w_, u_;       ///< u_: y + phi
+  Vector x0_;
   SetResponses responses_;  ///< of W, and of M at t = 0
   std::vector<Index> sets_;
   std::vector<Index> undecided_;  ///< undecided_at_start

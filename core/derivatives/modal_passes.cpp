@@ -1,4 +1,5 @@
-// The passes of ModalDerivative, forward and backward in time.
+// The passes of ModalDerivative, forward and backward in time, over blocks of time points: what the cache holds needs
+// no array over all of them.
 
 #include "core/derivatives/modal_derivative.hpp"
 
@@ -14,53 +15,104 @@
 
 namespace bromwich {
 
+namespace {
+
+constexpr Index block = 64;  ///< time points
+static_assert(block % ModalStart::together == 0);
+
+}  // namespace
+
+// What a pass holds of time points `first` to `first + count - 1`, in modes that are filled up with zeros, and of the
+// step between them.
+struct ModalDerivative::Pass {
+  Pass(const ModalConvolution& K, Index n)
+      : u(RowMatrix::Zero(block, K.width())),
+        v(RowMatrix::Zero(block, K.width())),
+        z(K.state()),
+        next(Vector::Zero(K.width())),
+        of_set(Vector::Zero(K.width())),
+        q(Vector::Zero(n)),
+        y(Vector::Zero(n)) {}
+
+  Index first = 0, count = 0;
+  RowMatrix u, v;  ///< y + phi and v; backward what u gets, and ρ
+  ModalConvolution::State z;
+  Vector next;    ///< a or b of the next step
+  Vector of_set;  ///< modes of y or mu
+  Vector q, y;    ///< n: of a step, y or mu
+};
+
 SolutionChange ModalDerivative::jvp(const DataChange& c, bool states) const {
   for (const auto& [name, matrix] : {std::pair("A", &c.A), {"B", &c.B}, {"N", &c.N}, {"E", &c.E}})
     if (matrix->size() > 0)
       throw Error(name, "is part of the structure of a Kronecker sum", "ask for derivatives by x0, f, g and M");
+  check_no_b(c.b);
   check_table("x0", c.x0, m_, 1);
   check_table("f", c.f, J_ + 1, n_);
   check_table("g", c.g, J_ + 1, n_);
   check_table("M", c.M, n_, n_);
-  const RowMatrix x0 = c.x0.size() > 0 ? state_modes(c.x0) : RowMatrix();
+  const RowMatrix x0 = c.x0.size() > 0 ? states_.modes_of(c.x0) : RowMatrix();
   SolutionChange out{RowMatrix(J_ + 1, n_), RowMatrix(), RowMatrix(J_ + 1, n_), RowMatrix(J_ + 1, n_)};
-  RowMatrix& w = out.w;  // at first what does not come from y and f
-  if (c.g.size() > 0)
-    w = c.g;
-  else
-    w.setZero();
-  if (c.M.size() > 0) w.noalias() += y_ * c.M.transpose();
-  if (x0.size() > 0) w += face_.to_points(start_.response(x0, J_));
-  Vector terms = w.row(0).cwiseAbs().transpose();
-  RowMatrix u = c.f.size() > 0 ? face_.to_modes(c.f) : RowMatrix::Zero(J_ + 1, n_), v(J_ + 1, n_);
-  ModalConvolution::State z = convolution_.state();
-  Vector a = Vector::Zero(n_), q = Vector::Zero(n_), dy(n_), driven(n_);
-  for (Index j = 0; j <= J_; ++j) {
-    const std::vector<Index>& active = responses_.active(sets_[std::size_t(j)]);
-    if (j > 0) {
-      convolution_.advance(j, u.row(j - 1).data(), z, a);
-      a += convolution_.own().cwiseProduct(u.row(j).transpose());
+  RowMatrix of_x0 = x0.size() > 0 ? start_.terms(x0) : RowMatrix(), all_u(states ? J_ + 1 : 0, n_);
+  Vector terms;  // that add up to w(0)
+  Pass at(convolution_, n_);
+  for (at.first = 0; at.first <= J_; at.first += block) {
+    at.count = std::min(block, J_ + 1 - at.first);
+    auto w = out.w.middleRows(at.first, at.count);
+    if (c.g.size() > 0)
+      w = c.g.middleRows(at.first, at.count);
+    else
+      w.setZero();
+    if (c.M.size() > 0) add_rows_times(y_.middleRows(at.first, at.count), c.M, w);
+    if (at.first == 0) terms = w.row(0).cwiseAbs().transpose();
+    if (c.f.size() > 0) {
+      at.u.topLeftCorner(at.count, n_) = c.f.middleRows(at.first, at.count);
+      face_.transform(Way::to_modes, at.u.topLeftCorner(at.count, n_));
+    } else {
+      at.u.setZero();
     }
-    face_.seen_on(active, a, q);
-    for (const Index i : active) q[i] += w(j, i);
-    responses_.solve(sets_[std::size_t(j)], q, dy);
-    face_.of_set(active, dy, driven);
-    u.row(j) += driven.transpose();
-    if (j > 0) a += convolution_.own().cwiseProduct(driven);
-    v.row(j) = a.transpose();
-    out.y.row(j) = dy.transpose();
+    at.v.setZero();
+    for (Index i = 0; of_x0.size() > 0 && i < at.count; i += ModalStart::together)
+      start_.advance(at.first + i, of_x0, at.v.middleRows(i, ModalStart::together));
+    step_forward(at, out);
+    if (states) all_u.middleRows(at.first, at.count) = at.u.topLeftCorner(at.count, n_);
+    face_.transform(Way::to_points, at.v.topLeftCorner(at.count, n_));
+    w += at.v.topLeftCorner(at.count, n_);
+    for (Index j = at.first; j < at.first + at.count; ++j)
+      add_product(scene_M_, out.y.row(j).data(), out.w.row(j).data());
+  }
+  terms += M_.cwiseAbs() * out.y.row(0).cwiseAbs().transpose();
+  if (x0.size() > 0) terms.array() += (seen_.cwiseAbs().transpose() * x0.cwiseAbs()).norm();
+  check_change_at_start(undecided_, out.w.row(0).transpose(), terms);
+  if (states) out.x = states_.states(x0, all_u);
+  return out;
+}
+
+// y and its integral on a block. u has phi, v the response to x0, w of `out` the other changes of w; u and v get what
+// y gives.
+void ModalDerivative::step_forward(Pass& at, SolutionChange& out) const {
+  const auto own = convolution_.own().transpose();
+  for (Index i = 0; i < at.count; ++i) {
+    const Index j = at.first + i, set = sets_[std::size_t(j)];
+    auto u = at.u.row(i), v = at.v.row(i);
+    if (j > 0) v.head(n_) += at.next.head(n_).transpose() + own.cwiseProduct(u.head(n_));
+    const std::vector<Index>& active = responses_.active(set);
+    face_.seen_on(active, v.data(), at.q);
+    for (const Index l : active) at.q[l] += out.w(j, l);
+    responses_.solve(set, at.q, at.y);
+    face_.of_set(active, at.y, at.of_set.data());
+    u += at.of_set.transpose();
+    if (j > 0) v.head(n_) += own.cwiseProduct(at.of_set.head(n_).transpose());
+    out.y.row(j) = at.y.transpose();
     if (j > 0)
       out.integral.row(j) = out.integral.row(j - 1) + (h_ / 2) * (out.y.row(j - 1) + out.y.row(j));
     else
       out.integral.row(0).setZero();
+    if (j == 0)
+      convolution_.start(u.data(), at.z, at.next.data());
+    else
+      convolution_.advance(u.data(), at.z, at.next.data());
   }
-  w += face_.to_points(std::move(v));
-  add_products(scene_M_, out.y, w);
-  terms += M_.cwiseAbs() * out.y.row(0).cwiseAbs().transpose();
-  if (x0.size() > 0) terms.array() += (seen_.cwiseAbs().transpose() * x0.cwiseAbs()).norm();
-  check_change_at_start(undecided_, w.row(0).transpose(), terms);
-  if (states) out.x = states_of(x0, u);
-  return out;
 }
 
 DataChange ModalDerivative::vjp(const SolutionChange& of) const {
@@ -69,29 +121,58 @@ DataChange ModalDerivative::vjp(const SolutionChange& of) const {
   check_table("w", of.w, J_ + 1, n_);
   check_table("integral", of.integral, J_ + 1, n_);
   DataChange bar;
-  RowMatrix of_u = RowMatrix::Zero(J_ + 1, n_), of_x0, rho = RowMatrix::Zero(J_ + 1, n_), given;
-  if (of.x.size() > 0) std::tie(of_u, of_x0) = states_transposed(of.x);
-  if (of.w.size() > 0) {
-    rho = face_.to_modes(of.w);
-    of_u.bottomRows(J_) += rho.bottomRows(J_) * convolution_.own().asDiagonal();
-  }
-  // What w and x at any time have of y, without the states that y leads to.
-  if (of.x.size() > 0 || of.w.size() > 0) given = face_.to_points(of_u);
-  const double of_start = given.size() > 0 ? given.row(0).norm() : 0;
-  if (of.w.size() > 0) add_products(transposed_M_, of.w, given);
-  bar.g = of.w.size() > 0 ? of.w : RowMatrix::Zero(J_ + 1, n_);
-  ModalConvolution::State zeta = convolution_.state();
-  Vector b = Vector::Zero(n_), eta(n_), mu(n_), modes = Vector::Zero(n_), later = Vector::Zero(n_);
-  for (Index j = J_; j >= 0; --j) {
-    const std::vector<Index>& active = responses_.active(sets_[std::size_t(j)]);
-    if (j < J_) {
-      convolution_.retreat(j, rho.row(j + 1).data(), zeta, b);
-      of_u.row(j) += b.transpose();
+  bar.g.resize(J_ + 1, n_);
+  bar.f.resize(J_ + 1, n_);
+  bar.M = Matrix::Zero(n_, n_);
+  RowMatrix of_u, of_x0, q = start_.nothing(), given;
+  if (of.x.size() > 0) std::tie(of_u, of_x0) = states_.transposed(of.x);
+  Vector later = Vector::Zero(n_);  // weights of the integrals over [0, t_k], k > j
+  Pass at(convolution_, n_);
+  for (at.first = J_ / block * block; at.first >= 0; at.first -= block) {
+    at.count = std::min(block, J_ + 1 - at.first);
+    auto u = at.u.topLeftCorner(at.count, n_), rho = at.v.topLeftCorner(at.count, n_);
+    at.u.setZero();
+    at.v.setZero();
+    if (of.x.size() > 0) u = of_u.middleRows(at.first, at.count);
+    if (of.w.size() > 0) {
+      rho = of.w.middleRows(at.first, at.count);
+      face_.transform(Way::to_modes, rho);
+      const Index later_rows = at.first > 0 ? at.count : at.count - 1;  // v_0 = 0
+      u.bottomRows(later_rows) += rho.bottomRows(later_rows) * convolution_.own().asDiagonal();
     }
+    // What w and x at any time have of y, without the states that y leads to.
+    if (of.x.size() > 0 || of.w.size() > 0) {
+      given = u;
+      face_.transform(Way::to_points, given);
+    }
+    step_backward(at, of, given, later, bar);
+    for (Index i = (at.count - 1) / ModalStart::together * ModalStart::together; i >= 0; i -= ModalStart::together)
+      start_.retreat(at.first + i, at.v.middleRows(i, std::min(ModalStart::together, at.count - i)), q);
+    face_.transform(Way::to_points, u);
+    bar.f.middleRows(at.first, at.count) = u;
+    add_transposed_product(bar.g.middleRows(at.first, at.count), y_.middleRows(at.first, at.count), bar.M);
+  }
+  RowMatrix start = start_.gradient(q);
+  if (of_x0.size() > 0) start += of_x0;
+  bar.x0 = states_.state_of(std::move(start));
+  return bar;
+}
+
+// mu and rho on a block. u has what w and x give, `given` the same at the points or nothing, v has w in modes.
+void ModalDerivative::step_backward(Pass& at, const SolutionChange& of, const RowMatrix& given, Vector& later,
+                                    DataChange& bar) const {
+  const auto own = convolution_.own().transpose();
+  Vector& eta = at.q;
+  for (Index i = at.count - 1; i >= 0; --i) {
+    const Index j = at.first + i, set = sets_[std::size_t(j)];
+    auto u = at.u.row(i), rho = at.v.row(i);
+    const std::vector<Index>& active = responses_.active(set);
+    u += at.next.transpose();
     eta.setZero();
-    face_.seen_on(j > 0 ? active : every_, b, eta);
-    const double of_states = j == 0 ? eta.norm() + of_start : 0;
-    if (given.size() > 0) eta += given.row(j).transpose();
+    face_.seen_on(j > 0 ? active : every_, at.next.data(), eta);
+    const double of_states = j > 0 ? 0 : eta.norm() + (given.size() > 0 ? given.row(i).norm() : 0);
+    if (given.size() > 0) eta += given.row(i).transpose();
+    if (of.w.size() > 0) add_product(transposed_M_, of.w.row(j).data(), eta.data());
     if (of.y.size() > 0) eta += of.y.row(j).transpose();
     if (of.integral.size() > 0) {
       eta += h_ / 2 * later;
@@ -99,18 +180,19 @@ DataChange ModalDerivative::vjp(const SolutionChange& of) const {
       if (j > 0) eta += h_ / 2 * later;
     }
     if (j == 0) check_gradient_at_start(undecided_, eta, of_states + eta.norm());
-    responses_.solve_transposed(sets_[std::size_t(j)], eta, mu);
-    face_.of_set(active, mu, modes);
-    rho.row(j) -= modes.transpose();
-    if (j > 0) of_u.row(j) -= convolution_.own().cwiseProduct(modes).transpose();
-    bar.g.row(j) -= mu.transpose();
+    responses_.solve_transposed(set, eta, at.y);
+    face_.of_set(active, at.y, at.of_set.data());
+    rho -= at.of_set.transpose();
+    if (j > 0) u.head(n_) -= own.cwiseProduct(at.of_set.head(n_).transpose());
+    if (of.w.size() > 0)
+      bar.g.row(j) = of.w.row(j) - at.y.transpose();
+    else
+      bar.g.row(j) = -at.y.transpose();
+    if (j > 1)
+      convolution_.advance(rho.data(), at.z, at.next.data());
+    else if (j == 1)
+      convolution_.finish(rho.data(), at.z, at.next.data());
   }
-  bar.f = face_.to_points(std::move(of_u));
-  RowMatrix start = start_.transposed(rho);
-  if (of_x0.size() > 0) start += of_x0;
-  bar.x0 = state_of(start);
-  bar.M = transposed_product(bar.g, y_);
-  return bar;
 }
 
 }  // namespace bromwich

@@ -216,6 +216,7 @@ void SolutionDerivative::add_mass(DataChange& bar) const {
 }
 
 SolutionChange SolutionDerivative::jvp(const DataChange& given) const {
+  check_no_b(given.b);
   check_table("x0", given.x0, m_, 1);
   check_table("f", given.f, J_ + 1, m_);
   check_table("g", given.g, J_ + 1, n_);

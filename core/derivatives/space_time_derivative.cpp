@@ -3,9 +3,8 @@
 #include "core/base/error.hpp"
 #include "core/base/text.hpp"
 #include "core/derivatives/check_table.hpp"
-#include "core/derivatives/face_modes.hpp"
 #include "core/derivatives/lcp_terms.hpp"
-#include "core/derivatives/modal_convolution.hpp"
+#include "core/derivatives/make_state_maps.hpp"
 #include "core/kernel/operators.hpp"
 #include "core/kernel/transposed_operator.hpp"
 
@@ -43,14 +42,6 @@ const Scene& checked_for_all_times(const Scene& scene, const Result& r) {
   return scene;
 }
 
-Scene without_f_and_g(Scene scene) {
-  scene.f = {};
-  scene.f_entry = SourceEntry::state;
-  scene.g = {};
-  scene.breakpoints.clear();
-  return scene;
-}
-
 // Row k becomes row J + 1 - k; row 0 becomes 0.
 RowMatrix in_reversed_time(const RowMatrix& u) {
   RowMatrix result(u.rows(), u.cols());
@@ -60,35 +51,6 @@ RowMatrix in_reversed_time(const RowMatrix& u) {
 }
 
 }  // namespace
-
-// The response to x0 of dynamics that are known by shifted solves.
-struct SpaceTimeDerivative::Start {
-  Start(const Scene& given, Backend& backend, Index J, GridFamily& family)
-      : scene(without_f_and_g(given)),
-        problem(discretise(scene, backend, J, false, &family)),
-        op(make_time_operator(problem)),
-        kernel(op->kernel(ConvolutionChoice::automatic)),
-        work(backend.array(J + 1, scene.constraints())),
-        r(backend.array(J + 1, scene.constraints())) {
-    op->keep_prepared();
-  }
-
-  RowMatrix of(const Vector& x0) {
-    scene.x0 = x0;
-    set_start(problem);
-    op->renew({.x0 = true, .sources = false});
-    op->response(kernel, *work, *r);
-    RowMatrix values;
-    problem.backend.download(*r, values);
-    return values;
-  }
-
-  Scene scene;
-  DiscreteProblem problem;
-  std::unique_ptr<TimeOperator> op;
-  KernelPlan kernel;
-  std::unique_ptr<Array> work, r;
-};
 
 SpaceTimeDerivative::SpaceTimeDerivative(const Scene& scene, const Result& result, Backend& backend)
     : scene_(checked_for_all_times(scene, result)),
@@ -127,7 +89,7 @@ SetRounding SpaceTimeDerivative::follow(const Vector& t) {
   if (whole.f.size() > 0) u += whole.f.table();
   w_ = forward_->apply(u);
   Vector terms_of_x = w_.cwiseAbs().colwise().maxCoeff();
-  const RowMatrix start = response_to(scene_.x0);
+  const RowMatrix start = scene_.x0.isZero(0) ? RowMatrix::Zero(J_ + 1, n_) : maps().seen(scene_.x0);
   terms_of_x += Vector(start.cwiseAbs().colwise().maxCoeff());
   w_ += start;
   if (whole.rough_response) w_ += *whole.rough_response;
@@ -143,29 +105,15 @@ SetRounding SpaceTimeDerivative::follow(const Vector& t) {
   return rounding_of_sets(terms_of_x, scene_.M, y_, whole.g.table());
 }
 
-// N e^{A t_j} x0.
-RowMatrix SpaceTimeDerivative::response_to(const Vector& x0) {
-  if (x0.isZero(0)) return RowMatrix::Zero(J_ + 1, n_);
-  if (const KroneckerDynamics* d = scene_.dynamics->modes()) {
-    const FaceModes face(d->face_basis());
-    const Index K = d->across.points;
-    const RowMatrix lines = d->across.modes().transpose() * Eigen::Map<const RowMatrix>(x0.data(), n_, K).transpose();
-    return face.to_points(ModalStart(*d, h_).response(face.to_modes(lines), J_));
-  }
-  if (const DenseDynamics* d = scene_.dynamics->small_state()) {
-    const Matrix& decay = state_step(forward_->problem(), Rule::exponential)->decay;
-    RowMatrix seen(J_ + 1, n_);
-    Vector x = x0;
-    for (Index j = 0; j <= J_; ++j, x = (decay * x).eval()) seen.row(j) = (d->N * x).transpose();
-    return seen;
-  }
-  if (!start_) start_ = std::make_unique<Start>(scene_, backend_, J_, family_);
-  return start_->of(x0);
+const StateMaps& SpaceTimeDerivative::maps() {
+  if (!maps_) maps_ = make_state_maps(forward_->problem());
+  return *maps_;
 }
 
-SolutionChange SpaceTimeDerivative::jvp(const DataChange& c) {
+SolutionChange SpaceTimeDerivative::jvp(const DataChange& c, bool states) {
   for (const auto& [name, matrix] : {std::pair("A", &c.A), {"B", &c.B}, {"N", &c.N}, {"E", &c.E}})
     if (matrix->size() > 0) throw Error(name, "is no datum of this derivative", "ask for x0, f, g and M");
+  check_no_b(c.b);
   check_table("x0", c.x0, scene_.states(), 1);
   check_table("f", c.f, J_ + 1, n_);
   check_table("g", c.g, J_ + 1, n_);
@@ -174,7 +122,7 @@ SolutionChange SpaceTimeDerivative::jvp(const DataChange& c) {
   if (c.M.size() > 0) r.noalias() += y_ * c.M.transpose();
   Vector terms = r.row(0).cwiseAbs().transpose();
   if (c.x0.size() > 0) {
-    r += response_to(c.x0);
+    r += maps().seen(c.x0);
     terms += scene_.dynamics->observed_terms(c.x0);
   }
   if (c.f.size() > 0) r += forward_->apply(c.f);
@@ -183,6 +131,9 @@ SolutionChange SpaceTimeDerivative::jvp(const DataChange& c) {
   if (!undecided_.empty()) terms += to_dense(scene_.M).cwiseAbs() * out.y.row(0).cwiseAbs().transpose();
   check_change_at_start(undecided_, out.w.row(0).transpose(), terms);
   out.integral = integral_of(out.y, h_);
+  if (states)
+    out.x = maps().states(c.x0.size() > 0 ? c.x0 : Vector::Zero(scene_.states()),
+                          c.f.size() > 0 ? RowMatrix(out.y + c.f) : out.y);
   return out;
 }
 
@@ -196,16 +147,19 @@ HeldSets& SpaceTimeDerivative::backward() {
   return *backward_;
 }
 
-DataChange SpaceTimeDerivative::vjp(const SolutionChange& of) {
+DataChange SpaceTimeDerivative::vjp(const SolutionChange& of, bool by_x0) {
   check_table("y", of.y, J_ + 1, n_);
   check_table("w", of.w, J_ + 1, n_);
   check_table("integral", of.integral, J_ + 1, n_);
-  if (of.x.size() > 0) throw Error("x", "is not known here", "weigh y, w or integral");
+  check_table("x", of.x, J_ + 1, scene_.states());
   RowMatrix eta = of.y.size() > 0 ? of.y : RowMatrix::Zero(J_ + 1, n_);
   DataChange bar;
   bar.g = of.w.size() > 0 ? of.w : RowMatrix::Zero(J_ + 1, n_);
   if (of.integral.size() > 0) eta += integral_transposed(of.integral, h_);
   if (of.w.size() > 0) add_products(transposed_M_, of.w, eta);
+  // What u = y + phi and x0 give to the weighted states.
+  const auto [of_u, of_x0] = of.x.size() > 0 ? maps().states_transposed(of.x) : std::pair<RowMatrix, Vector>();
+  if (of.x.size() > 0) eta += of_u;
   Vector first = eta.row(0).transpose(), mu(n_);
   if (of.w.size() > 0) eta += backward_kernel_->apply(of.w);
   // mu of rows 1 to J. That of row 0, whose y acts on all of them, follows.
@@ -215,25 +169,11 @@ DataChange SpaceTimeDerivative::vjp(const SolutionChange& of) {
   check_gradient_at_start(undecided_, first, bar.f.row(0).norm() + first.norm());
   at_zero_.solve_transposed(set_at_zero_, first, mu);
   bar.g.row(0) -= mu.transpose();
-  bar.x0 = start_transposed(bar.g);
+  if (of.x.size() > 0) bar.f += of_u;
+  if (by_x0) bar.x0 = maps().seen_transposed(bar.g);
+  if (by_x0 && of.x.size() > 0) bar.x0 += of_x0;
   bar.M = transposed_product(bar.g, y_, backend_);
   return bar;
-}
-
-// Σ_j e^{A^T t_j} N^T rho_j.
-Vector SpaceTimeDerivative::start_transposed(const RowMatrix& rho) const {
-  if (const KroneckerDynamics* d = scene_.dynamics->modes()) {
-    const FaceModes face(d->face_basis());
-    const RowMatrix modes = ModalStart(*d, h_).transposed(face.to_modes(rho));
-    const RowMatrix x = face.to_points(modes).transpose() * d->across.modes().transpose();
-    return Eigen::Map<const Vector>(x.data(), x.size());
-  }
-  const DenseDynamics* d = scene_.dynamics->small_state();
-  if (!d) return {};
-  const Matrix decay = state_step(forward_->problem(), Rule::exponential)->decay.transpose(), N = d->N.transpose();
-  Vector q = Vector::Zero(scene_.states());
-  for (Index j = J_; j >= 0; --j) q = (decay * q + N * rho.row(j).transpose()).eval();
-  return q;
 }
 
 bool space_time_pays(const Backend& backend, const Scene& scene, const Result& result) {

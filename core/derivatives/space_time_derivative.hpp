@@ -16,6 +16,7 @@
 #include "held_sets.hpp"
 #include "set_responses.hpp"
 #include "solution_derivative.hpp"
+#include "state_maps.hpp"
 
 #include <memory>
 #include <vector>
@@ -37,16 +38,15 @@ class SpaceTimeDerivative {
   Method method() const { return forward_->method(); }
 
   /// Members x0 (m), f ((J+1) x n, through B), g ((J+1) x n) and M (n x n); others throw Error. x of what is returned
-  /// is empty. Uses the plans and arrays of this object.
-  SolutionChange jvp(const DataChange&);
-  /// x of the function must be empty. The gradient has the members f through B, g and M, and x0 where A is dense or a
-  /// Kronecker sum.
-  DataChange vjp(const SolutionChange&);
+  /// is empty, or (J+1) x m with `states`. Uses the plans and arrays of this object.
+  SolutionChange jvp(const DataChange&, bool states = false);
+  /// x of the function may be empty or (J+1) x m. The gradient has the members f through B, g and M, and x0 where A is
+  /// known as a matrix. Without `by_x0` it is left out: for sparse A it costs more than all others.
+  DataChange vjp(const SolutionChange&, bool by_x0 = true);
 
  private:
   SetRounding follow(const Vector& t);
-  RowMatrix response_to(const Vector& x0);
-  Vector start_transposed(const RowMatrix& rho) const;
+  const StateMaps& maps();
   HeldSets& backward();
 
   Scene scene_;
@@ -58,9 +58,8 @@ class SpaceTimeDerivative {
   LcpMatrix transposed_M_;
   std::unique_ptr<HeldSets> forward_, backward_;  ///< the second is made by the first vjp
   std::unique_ptr<TransposedKernel> backward_kernel_;
-  struct Start;
-  std::unique_ptr<Start> start_;  ///< of dynamics known by shifted solves
-  SetResponses at_zero_;          ///< of M
+  std::unique_ptr<StateMaps> maps_;  ///< made on first use
+  SetResponses at_zero_;             ///< of M
   Index set_at_zero_ = 0;
   std::vector<Index> undecided_;  ///< undecided_at_start
   DerivativeMargin margin_;

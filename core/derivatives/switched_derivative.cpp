@@ -133,6 +133,7 @@ void SwitchedDerivative::scale(DataChange& c) const {
 
 SolutionChange SwitchedDerivative::jvp(const DataChange& given) const {
   const Index rows = t_.size(), m = values_.x.cols(), n = values_.y.cols();
+  check_no_b(given.b);
   check_table("x0", RowMatrix(given.x0), m, 1);
   check_table("f", given.f, rows, m);
   check_table("g", given.g, rows, n);

@@ -28,7 +28,8 @@ class Gradient(NamedTuple):
     """Derivatives of a number with respect to the data, each of the shape of its data: x0 (m), f (J+1) x m and g (J+1) x
     n at the time points, A, B, N, M and E. M is None where y jumps at a switch or M is singular on an active set (a change
     of M acts from one side only), E is None where switches are not located. Of scenes with more than 1000 states there
-    are x0 (None for sparse dynamics), f (through B: (J+1) x n), g and M."""
+    are x0 (None for dynamics of callbacks), f (through B: (J+1) x n), g and M. Of boundary-value problems there are b
+    (m), f, g and M."""
 
     x0: np.ndarray | None
     f: np.ndarray
@@ -38,6 +39,18 @@ class Gradient(NamedTuple):
     N: np.ndarray | None
     M: np.ndarray | None
     E: np.ndarray | None
+    b: np.ndarray | None = None
+
+
+class ParameterGradient(NamedTuple):
+    """Derivatives of a number with respect to the parameters of a Kronecker sum, as :meth:`Derivative.jvp_parameters` takes
+    them."""
+
+    face: float
+    across: float
+    decay: float
+    B: float
+    N: float
 
 
 class Margin(NamedTuple):
@@ -105,12 +118,15 @@ class Derivative:
         N: Any = None,
         M: Any = None,
         E: Any = None,
+        b: Any = None,
+        states: bool = False,
     ) -> Tangent:
         """The change of the solution that a change of the data causes, to first order.
 
         Args:
-            x0: m values. f, g: (J+1) x m and (J+1) x n, at the time points. A, B, N, M, E: as those of the scene. None:
-                no change.
+            x0: m values. f, g: (J+1) x m and (J+1) x n, at the time points. A, B, N, M, E: as those of the scene. b: m
+                values, the right-hand side of a boundary condition. None: no change.
+            states: whether x of scenes with more than 1000 states is wanted, (J+1) x m numbers; smaller ones always have it.
 
         Raises:
             Error: another shape, or entries that are not finite; a change of M where :attr:`without_M` says that there is no
@@ -118,20 +134,58 @@ class Derivative:
         """
         tables = {"f": f, "g": g, "A": A, "B": B, "N": N, "M": M, "E": E}
         arrays = [None if v is None else _table(v, name) for name, v in tables.items()]
-        return Tangent(*self._core.jvp(None if x0 is None else _values(x0, "x0").ravel(), *arrays))
+        ends = [None if v is None else _values(v, name).ravel() for name, v in (("x0", x0), ("b", b))]
+        return Tangent(*self._core.jvp(ends[0], *arrays, ends[1], bool(states)))
 
-    def vjp(self, *, y: Any = None, x: Any = None, w: Any = None, integral: Any = None) -> Gradient:
+    def vjp(
+        self, *, y: Any = None, x: Any = None, w: Any = None, integral: Any = None, x0: bool = True
+    ) -> Gradient:
         """The gradient of Σ y̅·y + x̅·x + w̅·w + i̅·∫y with respect to the data.
 
         Args:
             y, x, w, integral: y̅, x̅, w̅ and i̅, (J+1) x n, m, n and n; None: zero. Row j of i̅ weighs the integral of y
                 over [0, t_j].
+            x0: False: without the gradient by x0 where it costs more than all others (sparse A with more than 1000 states).
 
         Raises:
             Error: another shape, or entries that are not finite; weights of y, x or w at a switch (:attr:`one_sided`).
         """
         tables = {"y": y, "x": x, "w": w, "integral": integral}
-        return Gradient(*self._core.vjp(*(None if v is None else _table(v, name) for name, v in tables.items())))
+        weights = (None if v is None else _table(v, name) for name, v in tables.items())
+        return Gradient(*self._core.vjp(*weights, bool(x0)))
+
+    def jvp_parameters(
+        self,
+        *,
+        face: float = 0.0,
+        across: float = 0.0,
+        decay: float = 0.0,
+        B: float = 0.0,
+        N: float = 0.0,
+        states: bool = False,
+    ) -> Tangent:
+        """The change of the solution of a Kronecker sum (scenes on rectangles and boxes) that a change of its parameters
+        causes, with x0, f and g held; f through B changes with B.
+
+        Args:
+            face, across: relative changes of the diffusivities along the face with the constraints, and across it. Both
+                equal dc/c: that of c. decay: change of the decay rate, 1/time. B, N: relative changes of B and N.
+            states: as for :meth:`jvp`.
+
+        Raises:
+            Error: the dynamics are no Kronecker sum, or y may jump.
+        """
+        return Tangent(*self._core.jvp_parameters(face, across, decay, B, N, bool(states)))
+
+    def vjp_parameters(self, *, y: Any = None, x: Any = None, w: Any = None, integral: Any = None) -> ParameterGradient:
+        """The gradient of the number of :meth:`vjp` with respect to these parameters.
+
+        Args:
+            y, x, w, integral: as for :meth:`vjp`.
+        """
+        tables = {"y": y, "x": x, "w": w, "integral": integral}
+        found = self._core.vjp_parameters(*(None if v is None else _table(v, name) for name, v in tables.items()))
+        return ParameterGradient(*found)
 
     def quantity(self, *, W: Any = None, c: Any = None, end_W: Any = None, end_c: Any = None) -> QuantityGradient:
         """A quantity of interest of the discrete states and its gradient with respect to the data:

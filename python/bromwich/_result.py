@@ -238,9 +238,9 @@ class Result(Rows):
                 True: of the solution with located switches, for dense scenes of up to 64 states and 48 constraints, also
                 where y or x jumps (relays, M = 0, impacts). None: located where y may jump.
 
-        With more than 1000 states there are derivatives by x0, f, g and M alone, without tables of x: those of Kronecker
-        sums in modes on the host or over all time points on the backend of the result, whichever takes less time; those of
-        sparse dynamics over all time points.
+        With more than 1000 states there are derivatives by x0, f, g and M alone: those of Kronecker sums in modes on the
+        host or over all time points on the backend of the result, whichever takes less time; those of sparse dynamics
+        over all time points. Boundary-value problems have derivatives by b, f, g and M.
 
         Raises:
             Error: the solution is not differentiable here, and why.

@@ -3,6 +3,7 @@
 #include "answer.hpp"
 #include "arrays.hpp"
 #include "core/base/error.hpp"
+#include "core/derivatives/galerkin_derivative.hpp"
 #include "core/derivatives/modal_derivative.hpp"
 #include "core/derivatives/quantity_derivative.hpp"
 #include "core/derivatives/space_time_derivative.hpp"
@@ -44,14 +45,16 @@ nb::object or_none(const Matrix& m) { return m.size() > 0 ? handed_over(RowMatri
 constexpr Index largest_written_out = 1000;  ///< states that SolutionDerivative takes
 
 /// Of the discrete solution, with located switches where y may jump. Scenes with many states have theirs over all time
-/// points on the backend of the result, or in modes on the host.
+/// points on the backend of the result, or in modes on the host; boundary-value problems that of method galerkin.
 class AnyDerivative {
  public:
   AnyDerivative(const Answer& answer, std::optional<bool> located) : model_(answer.model), machine_(answer.machine) {
     const Scene& scene = answer.model->scene;
     const Result& result = answer.result;
     const bool jumps = y_may_jump(result) || result.method == Method::events;
-    if (located.value_or(result.status == Status::solved && jumps)) {
+    if (scene.boundary && !located.value_or(false)) {
+      galerkin_.emplace(scene, result);
+    } else if (located.value_or(result.status == Status::solved && jumps)) {
       if (result.status != Status::solved)
         throw Error("derivative", "the result is not solved", "differentiate a result with status solved");
       switched_.emplace(scene, result.t);
@@ -65,24 +68,33 @@ class AnyDerivative {
       else
         modal_.emplace(scene, result);
     }
+    if (scene.dynamics->modes() && !modal_ && !switched_ && !galerkin_) {
+      result_ = result;
+      result_->x.resize(0, 0);
+    }
   }
 
-  SolutionChange jvp(const DataChange& c) const {
+  /// `states`: those of scenes with many states, too.
+  SolutionChange jvp(const DataChange& c, bool states) const {
     if (space_time_) {
       const std::lock_guard lock(machine_->busy);
-      return space_time_->jvp(c);
+      return space_time_->jvp(c, states);
     }
-    return switched_ ? switched_->jvp(c) : modal_ ? modal_->jvp(c) : discrete_->jvp(c);
+    if (galerkin_) return galerkin_->jvp(c);
+    return switched_ ? switched_->jvp(c) : modal_ ? modal_->jvp(c, states) : discrete_->jvp(c);
   }
-  DataChange vjp(const SolutionChange& c) const {
+  /// Without `by_x0`: without x0 where that costs more than all others.
+  DataChange vjp(const SolutionChange& c, bool by_x0) const {
     if (space_time_) {
       const std::lock_guard lock(machine_->busy);
-      return space_time_->vjp(c);
+      return space_time_->vjp(c, by_x0);
     }
+    if (galerkin_) return galerkin_->vjp(c);
     return switched_ ? switched_->vjp(c) : modal_ ? modal_->vjp(c) : discrete_->vjp(c);
   }
   const DerivativeMargin& margin() const {
     if (space_time_) return space_time_->margin();
+    if (galerkin_) return galerkin_->margin();
     return switched_ ? switched_->margin() : modal_ ? modal_->margin() : discrete_->margin();
   }
   /// Of `quantity`; null: that of the scene file.
@@ -90,8 +102,17 @@ class AnyDerivative {
     if (!quantity) quantity = model_->quantity.get();
     if (!quantity) throw Error("quantity", "the scene states none", "give W, c, end_W or end_c");
     if (modal_ || space_time_) throw Error("quantity", "states of large scenes are not kept", "weigh y, w or integral");
+    if (galerkin_) return quantity_change(*quantity, model_->scene, galerkin_->times(), galerkin_->states());
     return switched_ ? quantity_change(*quantity, model_->scene, switched_->times(), switched_->values().x)
                      : quantity_change(*quantity, model_->scene, discrete_->times(), discrete_->states());
+  }
+  /// In modes of a Kronecker sum; made on the first call where another class has the rest.
+  const ModalDerivative& of_sum() const {
+    if (modal_) return *modal_;
+    if (!result_) throw Error("parameters", "are those of a Kronecker sum with a continuous y", "change A, B and N");
+    const std::lock_guard lock(of_sum_->made);
+    if (!of_sum_->derivative) of_sum_->derivative.emplace(model_->scene, *result_);
+    return *of_sum_->derivative;
   }
   Index states() const { return model_->scene.states(); }
   const SwitchedDerivative* switched() const { return switched_ ? &*switched_ : nullptr; }
@@ -103,23 +124,56 @@ class AnyDerivative {
   std::unique_ptr<SpaceTimeDerivative> space_time_;
   std::optional<ModalDerivative> modal_;
   std::optional<SwitchedDerivative> switched_;
+  std::optional<GalerkinDerivative> galerkin_;
+  struct OfSum {
+    std::mutex made;
+    std::optional<ModalDerivative> derivative;
+  };
+  std::optional<Result> result_;  ///< of a Kronecker sum, for of_sum_
+  std::unique_ptr<OfSum> of_sum_ = std::make_unique<OfSum>();
 };
 
 nb::tuple forward(const AnyDerivative& d, const std::optional<Array1>& x0, const std::optional<Array2>& f,
                   const std::optional<Array2>& g, const std::optional<Array2>& A, const std::optional<Array2>& B,
-                  const std::optional<Array2>& N, const std::optional<Array2>& M, const std::optional<Array2>& E) {
-  SolutionChange c = d.jvp(
-      {x0 ? Vector(as_vector(*x0)) : Vector(), table(f), table(g), table(A), table(B), table(N), table(M), table(E)});
+                  const std::optional<Array2>& N, const std::optional<Array2>& M, const std::optional<Array2>& E,
+                  const std::optional<Array1>& b, bool states) {
+  const auto values = [](const std::optional<Array1>& v) { return v ? Vector(as_vector(*v)) : Vector(); };
+  SolutionChange c =
+      d.jvp({values(x0), table(f), table(g), table(A), table(B), table(N), table(M), table(E), values(b)}, states);
   return nb::make_tuple(handed_over(std::move(c.y)), handed_over(std::move(c.x)), handed_over(std::move(c.w)),
                         handed_over(std::move(c.integral)));
 }
 
 nb::tuple backward(const AnyDerivative& d, const std::optional<Array2>& y, const std::optional<Array2>& x,
-                   const std::optional<Array2>& w, const std::optional<Array2>& integral) {
-  DataChange g = d.vjp({table(y), table(x), table(w), table(integral)});
-  return nb::make_tuple(g.x0.size() > 0 ? handed_over(std::move(g.x0)) : nb::none(), handed_over(std::move(g.f)),
-                        handed_over(std::move(g.g)), or_none(g.A), or_none(g.B), or_none(g.N), or_none(g.M),
-                        or_none(g.E));
+                   const std::optional<Array2>& w, const std::optional<Array2>& integral, bool x0) {
+  DataChange g = d.vjp({table(y), table(x), table(w), table(integral)}, x0);
+  const auto values = [](Vector& v) { return v.size() > 0 ? handed_over(std::move(v)) : nb::none(); };
+  return nb::make_tuple(values(g.x0), handed_over(std::move(g.f)), handed_over(std::move(g.g)), or_none(g.A),
+                        or_none(g.B), or_none(g.N), or_none(g.M), or_none(g.E), values(g.b));
+}
+
+nb::tuple forward_by_sum(const AnyDerivative& d, double face, double across, double decay, double input, double output,
+                         bool states) {
+  SolutionChange c = d.of_sum().jvp(KroneckerChange{face, across, decay, input, output}, states);
+  return nb::make_tuple(handed_over(std::move(c.y)), handed_over(std::move(c.x)), handed_over(std::move(c.w)),
+                        handed_over(std::move(c.integral)));
+}
+
+/// By face, across, decay, B and N.
+std::vector<double> backward_by_sum(const AnyDerivative& d, const std::optional<Array2>& y,
+                                    const std::optional<Array2>& x, const std::optional<Array2>& w,
+                                    const std::optional<Array2>& integral) {
+  const SolutionChange of{table(y), table(x), table(w), table(integral)};
+  const ModalDerivative& sum = d.of_sum();
+  const DataChange gradient = sum.vjp(of);
+  std::vector<double> found;
+  for (const auto parameter : {&KroneckerChange::face, &KroneckerChange::across, &KroneckerChange::decay,
+                               &KroneckerChange::input, &KroneckerChange::output}) {
+    KroneckerChange c;
+    c.*parameter = 1;
+    found.push_back(sum.along(c, of, gradient));
+  }
+  return found;
 }
 
 /// (value, x weights) of the quantity of the scene file, or of one with these members.
@@ -156,10 +210,16 @@ void bind_derivatives(nb::module_& m) {
       .def_prop_ro("without_M",
                    [](const AnyDerivative& d) { return d.switched() ? d.switched()->without_M() : std::string(); })
       .def("jvp", &forward, nb::arg("x0").none(), nb::arg("f").none(), nb::arg("g").none(), nb::arg("A").none(),
-           nb::arg("B").none(), nb::arg("N").none(), nb::arg("M").none(), nb::arg("E").none())
+           nb::arg("B").none(), nb::arg("N").none(), nb::arg("M").none(), nb::arg("E").none(), nb::arg("b").none(),
+           nb::arg("states"))
+      .def("jvp_parameters", &forward_by_sum, nb::arg("face"), nb::arg("across"), nb::arg("decay"), nb::arg("B"),
+           nb::arg("N"), nb::arg("states"))
+      .def("vjp_parameters", &backward_by_sum, nb::arg("y").none(), nb::arg("x").none(), nb::arg("w").none(),
+           nb::arg("integral").none())
       .def("quantity", &quantity, nb::arg("W").none(), nb::arg("c").none(), nb::arg("end_W").none(),
            nb::arg("end_c").none())
-      .def("vjp", &backward, nb::arg("y").none(), nb::arg("x").none(), nb::arg("w").none(), nb::arg("integral").none());
+      .def("vjp", &backward, nb::arg("y").none(), nb::arg("x").none(), nb::arg("w").none(), nb::arg("integral").none(),
+           nb::arg("x0"));
 }
 
 }  // namespace bromwich::python

@@ -138,3 +138,49 @@ def test_a_large_kronecker_sum() -> None:
     gradient = d.vjp(y=np.ones((33, 40)))
     assert change.x.size == 0 and gradient.A is None
     assert abs(change.y.sum() - gradient.g.sum()) < 1e-10 * abs(gradient.g).sum()
+
+
+def test_states_of_a_large_scene() -> None:
+    scene = bromwich.scene("signorini", Q=40)
+    d = bromwich.solve(scene, steps=16, method="march", states="none").derivative()
+    x0, weights = np.linspace(0, 1, 1600), np.sin(np.arange(17 * 1600)).reshape(17, 1600)
+    change = d.jvp(x0=x0, states=True)
+    assert change.x.shape == (17, 1600)
+    np.testing.assert_allclose(change.x[0], x0, rtol=1e-12, atol=1e-12)
+    assert abs((change.x * weights).sum() - d.vjp(x=weights).x0 @ x0) < 1e-10 * np.linalg.norm(weights) * np.linalg.norm(change.x)
+
+
+def test_boundary_values() -> None:
+    scene = dict(A=-1, B=1, N=1, M=1, T=2, f="3*sin(4*t)", g="cos(3*t)-0.2", E0=1, ET=-0.5, b=0.2)
+    r = bromwich.solve(**scene, steps=100)
+    d = r.derivative()
+    assert not d.located and 0 < d.margin.margin < 1 and (r.y > 0).any() and (r.y == 0).any()
+    step = 1e-6
+    up, down = (bromwich.solve(**{**scene, "b": scene["b"] + s}, steps=100) for s in (step, -step))
+    tangent = d.jvp(b=[1])
+    for kind in ("y", "x", "w"):
+        difference = (getattr(up, kind) - getattr(down, kind)) / (2 * step)
+        np.testing.assert_allclose(getattr(tangent, kind), difference, atol=1e-7)
+    gradient = d.vjp(x=np.eye(101, 1))
+    assert gradient.x0 is None and gradient.A is None
+    np.testing.assert_allclose(gradient.b, tangent.x[0], rtol=1e-12)
+    assert abs(d.quantity(end_c=[1]).gradient.b[0] - tangent.x[-1, 0]) < 1e-12
+    with pytest.raises(bromwich.Error, match="change b"):
+        d.jvp(x0=[1])
+    with pytest.raises(bromwich.Error, match="change x0"):
+        bromwich.solve(A=-1, B=1, N=1, M=1, x0=1, T=1, steps=10, method="march").derivative().jvp(b=[1])
+
+
+def test_parameters_of_a_kronecker_sum() -> None:
+    def at(c):
+        return bromwich.solve(bromwich.scene("signorini", Q=7, c=c), steps=33, method="march")
+
+    c, step = 0.05, 1e-6
+    d = at(c).derivative()
+    difference = (at(c * (1 + step)).y - at(c * (1 - step)).y) / (2 * step)
+    tangent = d.jvp_parameters(face=1, across=1, B=1)  # B has the factor c, too
+    np.testing.assert_allclose(tangent.y, difference, atol=1e-7)
+    gradient = d.vjp_parameters(y=np.ones((34, 7)))
+    np.testing.assert_allclose(gradient.face + gradient.across + gradient.B, tangent.y.sum(), rtol=1e-10)
+    with pytest.raises(bromwich.Error, match="Kronecker"):
+        bromwich.solve(A=-1, B=1, N=1, M=1, x0=1, T=1, steps=10, method="march").derivative().jvp_parameters(B=1)

@@ -54,16 +54,18 @@ TEST_P(FaceModesOf, OnSetsAreRowsAndColumnsOfIt) {
   Random random(8);
   for (const double share : {0.0, 0.3, 1.0}) {
     std::vector<Index> set;
-    Vector on_set = Vector::Zero(n), modes, seen = Vector::Zero(n);
+    Vector on_set = Vector::Zero(n), modes(face.width()), seen = Vector::Zero(n), given = Vector::Zero(face.width());
     for (Index i = 0; i < n; ++i)
       if (random.uniform(0, 1) < share) {
         set.push_back(i);
         on_set[i] = random.uniform();
       }
-    face.of_set(set, on_set, modes);
-    EXPECT_LE((modes - V.transpose() * on_set).cwiseAbs().maxCoeff(), rounding(n));
-    const Vector given = random.vector(n), expected = V * given;
-    face.seen_on(set, given, seen);
+    face.of_set(set, on_set, modes.data());
+    EXPECT_LE((modes.head(n) - V.transpose() * on_set).cwiseAbs().maxCoeff(), rounding(n));
+    EXPECT_EQ(modes.tail(face.width() - n).norm(), 0);
+    given.head(n) = random.vector(n);
+    const Vector expected = V * given.head(n);
+    face.seen_on(set, given.data(), seen);
     for (const Index i : set) EXPECT_NEAR(seen[i], expected[i], rounding(n));
   }
 }

@@ -2,6 +2,7 @@
 // the response to x0 against exponentials; both transposed.
 
 #include "core/derivatives/modal_convolution.hpp"
+#include "core/derivatives/modal_start.hpp"
 
 #include "core/catalogue/catalogue.hpp"
 #include "core/kernel/recurrence.hpp"
@@ -16,18 +17,26 @@ namespace {
 
 using reference::Random;
 
-constexpr Index J = 35;  // no multiple of the rows that a response takes together
+constexpr Index J = 35;  // no multiple of the time points that are taken together
 constexpr double T = 0.7, h = T / double(J);
 
 KroneckerDynamics heat(double Q) { return *make_scene("signorini", {{"Q", Q}}).dynamics->modes(); }
 
+// Filled up with zeros.
+Vector row_of(const RowMatrix& table, Index j, Index width) {
+  Vector row = Vector::Zero(width);
+  row.head(table.cols()) = table.row(j).transpose();
+  return row;
+}
+
 RowMatrix convolved(const ModalConvolution& K, const RowMatrix& u) {
   RowMatrix v = RowMatrix::Zero(u.rows(), u.cols());
   ModalConvolution::State z = K.state();
-  Vector a(u.cols());
+  Vector a(K.width());
   for (Index j = 1; j < u.rows(); ++j) {
-    K.advance(j, u.row(j - 1).data(), z, a);
-    v.row(j) = (a + K.own().cwiseProduct(u.row(j).transpose())).transpose();
+    const Vector before = row_of(u, j - 1, K.width());
+    j == 1 ? K.start(before.data(), z, a.data()) : K.advance(before.data(), z, a.data());
+    v.row(j) = (a.head(u.cols()) + K.own().cwiseProduct(u.row(j).transpose())).transpose();
   }
   return v;
 }
@@ -35,13 +44,12 @@ RowMatrix convolved(const ModalConvolution& K, const RowMatrix& u) {
 RowMatrix transposed(const ModalConvolution& K, const RowMatrix& rho) {
   RowMatrix u = RowMatrix::Zero(rho.rows(), rho.cols());
   ModalConvolution::State zeta = K.state();
-  Vector b(rho.cols());
-  for (Index j = rho.rows() - 1; j >= 0; --j) {
-    if (j + 1 < rho.rows()) {
-      K.retreat(j, rho.row(j + 1).data(), zeta, b);
-      u.row(j) = b.transpose();
-    }
-    if (j > 0) u.row(j) += K.own().transpose().cwiseProduct(rho.row(j));
+  Vector b(K.width());
+  for (Index j = rho.rows() - 1; j > 0; --j) {
+    u.row(j) += K.own().transpose().cwiseProduct(rho.row(j));
+    const Vector after = row_of(rho, j, K.width());
+    j > 1 ? K.advance(after.data(), zeta, b.data()) : K.finish(after.data(), zeta, b.data());
+    u.row(j - 1) += b.head(rho.cols()).transpose();
   }
   return u;
 }
@@ -65,24 +73,30 @@ TEST(ModalConvolution, IsTheSumOverLags) {
     // The fit errs by 1e-11 of the kernel at most, times J lags.
     const double error = (convolved(K, u) - v).cwiseAbs().maxCoeff();
     EXPECT_LE(error, (Q > 40 ? 1e-11 : 1e-14) * double(J) * lags.W.cwiseAbs().maxCoeff()) << Q;
-    const RowMatrix rho = Random(3).matrix(J + 1, n), w = convolved(K, u);
-    EXPECT_NEAR(dot(rho, w), dot(transposed(K, rho), u), 1e-14 * rho.norm() * w.norm()) << Q;
+    // Backwards, for every number of values that wait for the others when the pass ends.
+    for (Index rows = J - 3; rows <= J; ++rows) {
+      const RowMatrix rho = Random(3).matrix(rows + 1, n), part = u.topRows(rows + 1), w = convolved(K, part);
+      EXPECT_NEAR(dot(rho, w), dot(transposed(K, rho), part), 1e-14 * rho.norm() * w.norm()) << Q << ", " << rows;
+    }
   }
 }
 
+// Also on a fine line, where most exponentials are left out after a few time points.
 TEST(ModalStart, IsTheSumOfAllExponentials) {
-  const KroneckerDynamics d = heat(13);
-  const ModalStart start(d, h);
-  const Vector mu = d.face_eigenvalues(), nu = d.across.eigenvalues(), seen = d.across.in_modes(d.n);
-  const RowMatrix x0 = Random(4).matrix(nu.size(), mu.size());
-  RowMatrix v = RowMatrix::Zero(J + 1, mu.size());
-  for (Index j = 0; j <= J; ++j)
-    for (Index k = 0; k < nu.size(); ++k)
-      v.row(j).array() += seen[k] * x0.row(k).array() * (h * double(j) * (mu.array() + nu[k])).exp().transpose();
-  const RowMatrix found = start.response(x0, J);
-  EXPECT_LE((found - v).cwiseAbs().maxCoeff(), 1e-13 * v.cwiseAbs().maxCoeff());  // J products
-  const RowMatrix rho = Random(5).matrix(J + 1, mu.size());
-  EXPECT_NEAR(dot(rho, found), dot(start.transposed(rho), x0), 1e-14 * rho.norm() * found.norm());
+  for (const double Q : {13.0, 200.0}) {
+    const KroneckerDynamics d = heat(Q);
+    const ModalStart start(d, h);
+    const Vector mu = d.face_eigenvalues(), nu = d.across.eigenvalues(), seen = d.across.in_modes(d.n);
+    const RowMatrix x0 = Random(4).matrix(nu.size(), mu.size());
+    RowMatrix v = RowMatrix::Zero(J + 1, mu.size());
+    for (Index j = 0; j <= J; ++j)
+      for (Index k = 0; k < nu.size(); ++k)
+        v.row(j).array() += seen[k] * x0.row(k).array() * (h * double(j) * (mu.array() + nu[k])).exp().transpose();
+    const RowMatrix found = start.response(x0, J);
+    EXPECT_LE((found - v).cwiseAbs().maxCoeff(), 1e-13 * v.cwiseAbs().maxCoeff());  // J products
+    const RowMatrix rho = Random(5).matrix(J + 1, mu.size());
+    EXPECT_NEAR(dot(rho, found), dot(start.transposed(rho), x0), 1e-14 * rho.norm() * found.norm());
+  }
 }
 
 }  // namespace

@@ -103,6 +103,54 @@ TEST(ModalDerivative, AgreesWithDifferencesOfSolves) {
   }
 }
 
+// The parameters of the sum, with decay and ends that reflect.
+TEST(ModalDerivative, ByTheDynamicsAgreesWithDifferencesOfSolves) {
+  const Index J = 40;
+  Scene s = warmed("signorini", 9);
+  {
+    KroneckerDynamics& d = get<KroneckerDynamics>(s.dynamics);
+    d.along.first = 1, d.across.last = 0.4, d.along.decay = 0.1, d.across.decay = 0.3;
+  }
+  const ModalDerivative derivative(s, solved(s, J));
+  ASSERT_GT(derivative.margin().margin, 1e-8);
+  const auto scene_with = [&](const KroneckerChange& c) {
+    Scene other = s;
+    KroneckerDynamics& d = get<KroneckerDynamics>(other.dynamics);
+    d.along.diffusivity *= 1 + c.face, d.across.diffusivity *= 1 + c.across;
+    d.along.decay += c.decay, d.b *= 1 + c.input, d.n *= 1 + c.output;
+    return other;
+  };
+  Random random(7);
+  const SolutionChange of{random.matrix(J + 1, s.constraints()), random.matrix(J + 1, s.states()),
+                          random.matrix(J + 1, s.constraints()), random.matrix(J + 1, s.constraints())};
+  const DataChange gradient = derivative.vjp(of);
+  const auto solve_all = [](const Scene& scene) {
+    Options options;
+    options.steps = J;
+    options.method = Method::march;
+    options.states = StateSelection::all;
+    return solve(scene, *make_cpu_backend(1), options);
+  };
+  const KroneckerChange changes[] = {{.face = 1},  {.across = 1}, {.decay = 1},
+                                     {.input = 1}, {.output = 1}, {1, -0.5, 0.3, 0.2, -0.7}};
+  for (const KroneckerChange& c : changes) {
+    const SolutionChange out = derivative.jvp(c, true);
+    const double step =
+        0.2 * derivative.margin().margin / (1 + out.y.cwiseAbs().maxCoeff() + out.w.cwiseAbs().maxCoeff());
+    const auto times = [&](double by) {
+      return KroneckerChange{by * c.face, by * c.across, by * c.decay, by * c.input, by * c.output};
+    };
+    const Result up = solve_all(scene_with(times(step))), down = solve_all(scene_with(times(-step)));
+    const RowMatrix y = (up.y - down.y) / (2 * step), x = (up.x - down.x) / (2 * step);
+    EXPECT_LE((out.y - y).cwiseAbs().maxCoeff(), 1e-6 * y.cwiseAbs().maxCoeff() + 1e-13 / step);
+    EXPECT_LE((out.x - x).cwiseAbs().maxCoeff(), 1e-6 * x.cwiseAbs().maxCoeff() + 1e-13 / step);
+    const double forward = dot(of.y, out.y) + dot(of.x, out.x) + dot(of.w, out.w) + dot(of.integral, out.integral);
+    const double size = of.y.norm() * out.y.norm() + of.x.norm() * out.x.norm() + of.w.norm() * out.w.norm() +
+                        of.integral.norm() * out.integral.norm();
+    EXPECT_LE(std::abs(forward - derivative.along(c, of, gradient)), 1e-12 * size);
+  }
+}
+
 // y_i = w_i = 0 at t = 0. Changes of states that no constraint sees leave w(0), but for rounding of the transforms.
 TEST(ModalDerivative, FromRest) {
   Scene s = warmed("signorini", 5);

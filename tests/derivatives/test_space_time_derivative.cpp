@@ -31,18 +31,17 @@ Result solved(const Scene& scene, Index J, Method method, Backend& backend) {
 SolutionChange drawn_weights(const Scene& s, Index J, unsigned seed) {
   Random random(seed);
   const Index n = s.constraints();
-  return {random.matrix(J + 1, n), {}, random.matrix(J + 1, n), random.matrix(J + 1, n)};
+  return {random.matrix(J + 1, n), random.matrix(J + 1, s.states()), random.matrix(J + 1, n), random.matrix(J + 1, n)};
 }
 
-void expect_transposed(SpaceTimeDerivative& d, const Scene& s, Index J, bool x0, const std::string& where) {
-  DataChange c = drawn(s, J, 5);
-  if (!x0) c.x0.resize(0);
-  const SolutionChange out = d.jvp(c), of = drawn_weights(s, J, 6);
+void expect_transposed(SpaceTimeDerivative& d, const Scene& s, Index J, const std::string& where) {
+  const DataChange c = drawn(s, J, 5);
+  const SolutionChange out = d.jvp(c, true), of = drawn_weights(s, J, 6);
   const DataChange bar = d.vjp(of);
-  const double forward = dot(of.y, out.y) + dot(of.w, out.w) + dot(of.integral, out.integral);
-  const double backward = (x0 ? bar.x0.dot(c.x0) : 0) + dot(bar.f, c.f) + dot(bar.g, c.g) + dot(bar.M, c.M);
-  const double size =
-      of.y.norm() * out.y.norm() + of.w.norm() * out.w.norm() + of.integral.norm() * out.integral.norm();
+  const double forward = dot(of.y, out.y) + dot(of.x, out.x) + dot(of.w, out.w) + dot(of.integral, out.integral);
+  const double backward = bar.x0.dot(c.x0) + dot(bar.f, c.f) + dot(bar.g, c.g) + dot(bar.M, c.M);
+  const double size = of.y.norm() * out.y.norm() + of.x.norm() * out.x.norm() + of.w.norm() * out.w.norm() +
+                      of.integral.norm() * out.integral.norm();
   EXPECT_LE(std::abs(forward - backward), 1e-12 * size) << where;
 }
 
@@ -62,9 +61,10 @@ TEST_P(SpaceTimeDerivatives, AreThoseOfTheHost) {
       EXPECT_EQ(d.steps(), J);
       EXPECT_NEAR(d.margin().margin, host.margin().margin, 1e-9);
       const DataChange c = drawn(s, J, 3);
-      const SolutionChange a = d.jvp(c), b = host.jvp(c);
+      const SolutionChange a = d.jvp(c, true), b = host.jvp(c, true);
       // Fitted exponentials differ from the eigenvalues by 1e-11; sweeps end at 1e-12.
       EXPECT_LE((a.y - b.y).norm(), 1e-10 * b.y.norm()) << where;
+      EXPECT_LE((a.x - b.x).norm(), 1e-10 * b.x.norm()) << where;
       EXPECT_LE((a.w - b.w).norm(), 1e-10 * b.w.norm()) << where;
       EXPECT_LE((a.integral - b.integral).norm(), 1e-10 * b.integral.norm()) << where;
       const SolutionChange of = drawn_weights(s, J, 4);
@@ -73,7 +73,7 @@ TEST_P(SpaceTimeDerivatives, AreThoseOfTheHost) {
       EXPECT_LE((u.f - v.f).norm(), 1e-10 * v.f.norm()) << where;
       EXPECT_LE((u.g - v.g).norm(), 1e-10 * v.g.norm()) << where;
       EXPECT_LE((u.M - v.M).norm(), 1e-10 * v.M.norm()) << where;
-      expect_transposed(d, s, J, true, where);
+      expect_transposed(d, s, J, where);
     }
 }
 
@@ -92,20 +92,19 @@ TEST_P(SpaceTimeDerivatives, OfDenseAndSparseDynamics) {
     const SolutionDerivative host(dense, r);
     DataChange c = drawn(s, J, 3), written = c;
     written.f = c.f * B.transpose();
-    const SolutionChange a = d.jvp(c), b = host.jvp(written);
+    const SolutionChange a = d.jvp(c, true), b = host.jvp(written);
     const double exact = is_dense ? 1e-10 : 1e-8;  // of contours, which are accepted at 1e-9 of the largest weight
     EXPECT_LE((a.y - b.y).norm(), exact * b.y.norm()) << where;
+    EXPECT_LE((a.x - b.x).norm(), exact * b.x.norm()) << where;
     EXPECT_LE((a.w - b.w).norm(), exact * b.w.norm()) << where;
     const SolutionChange of = drawn_weights(s, J, 4);
     const DataChange u = d.vjp(of), v = host.vjp(of);
-    EXPECT_EQ(u.x0.size() > 0, is_dense);
-    if (is_dense) {
-      EXPECT_LE((u.x0 - v.x0).norm(), exact * v.x0.norm());
-    }
+    EXPECT_LE((u.x0 - v.x0).norm(), exact * v.x0.norm()) << where;
+    EXPECT_EQ(d.vjp(of, false).x0.size(), 0);
     EXPECT_LE((u.f - v.f * B).norm(), exact * (v.f * B).norm()) << where;
     EXPECT_LE((u.g - v.g).norm(), exact * v.g.norm()) << where;
     EXPECT_LE((u.M - v.M).norm(), exact * v.M.norm()) << where;
-    expect_transposed(d, s, J, is_dense, where);
+    expect_transposed(d, s, J, where);
   }
 }
 
@@ -154,9 +153,14 @@ TEST(SpaceTimeDerivative, Refuses) {
   };
   EXPECT_NE(of_change([](DataChange& c) { c.A = Matrix::Zero(25, 25); }).find("no datum"), std::string::npos);
   EXPECT_NE(of_change([](DataChange& c) { c.x0 = Vector::Zero(24); }).find("give 25 x 1"), std::string::npos);
+  DataChange ends;
+  ends.b = Vector::Zero(25);
+  for (const std::string& found : {refusal([&] { d.jvp(ends); }), refusal([&] { ModalDerivative(s, r).jvp(ends); }),
+                                   refusal([&] { SolutionDerivative(written_out(s), r).jvp(ends); })})
+    EXPECT_NE(found.find("change x0"), std::string::npos);
   SolutionChange of;
-  of.x = RowMatrix::Zero(J + 1, 25);
-  EXPECT_NE(refusal([&] { d.vjp(of); }).find("weigh y"), std::string::npos);
+  of.x = RowMatrix::Zero(J + 1, 24);
+  EXPECT_NE(refusal([&] { d.vjp(of); }).find("give 17 x 25"), std::string::npos);
   const auto of_result = [&](auto set) {
     Scene other = s;
     Result result = r;

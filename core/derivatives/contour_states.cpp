@@ -1,0 +1,193 @@
+#include "core/derivatives/contour_states.hpp"
+
+#include "core/base/error.hpp"
+#include "core/dynamics/spectrum.hpp"
+#include "core/kernel/sparse_kernel.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+namespace bromwich {
+
+namespace {
+
+constexpr double largest_growth_of_contours = 8;  ///< of e^{sigma T}, which a shift sigma loses
+constexpr std::size_t most_kept_bytes = std::size_t(1) << 30;
+constexpr double in_degrees = std::numbers::pi / 180;
+
+const HostThreads calling_thread;  // callbacks of users need not be safe in others
+
+ComplexMatrix times(const SparseMatrix& matrix, const ComplexMatrix& columns) {
+  ComplexMatrix product(matrix.rows(), columns.cols());
+  product.real() = matrix * columns.real();
+  product.imag() = matrix * columns.imag();
+  return product;
+}
+
+}  // namespace
+
+ContourStates::ContourStates(const DiscreteProblem& p)
+    : d_(p.scene.dynamics),
+      backend_(p.backend),
+      threads_(d_->matrices() ? static_cast<const HostThreads&>(p.backend) : calling_thread),
+      B_(d_->inputs()),
+      N_(d_->outputs()),
+      J_(p.J),
+      h_(p.h) {
+  if (const SparseDynamics* m = d_->matrices())
+    transposed_ = Dynamics(SparseDynamics{m->A.transpose(), m->N.transpose(), m->B.transpose(), m->E.transpose()});
+  const Spectrum s = p.shared->spectrum();
+  const double shift =
+      std::min(s.abscissa > 16 * epsilon * s.radius ? s.abscissa : 0, largest_growth_of_contours / p.scene.T);
+  const double start = shift > 0 ? 0 : std::min(s.half_angle, 60 * in_degrees);
+  for (const double sector : {0, 15, 30, 45, 60})
+    if (sector * in_degrees >= start * (1 - epsilon) && take_windows(*contour_parameters(sector * in_degrees), shift))
+      return;
+  throw Error("derivative", "no contour holds the spectrum of A", "use the derivative of dense dynamics");
+}
+
+// Windows for this sector, if neighbours agree where they meet.
+bool ContourStates::take_windows(const ContourParameters& parameters, double shift) {
+  windows_ = lag_windows(parameters, h_, J_, shift);
+  const Vector driven = B_ * Vector::Ones(B_.cols()) + N_.transpose() * Vector::Ones(N_.rows());
+  const auto seen = [&](const Contour& contour, double t) {
+    const ComplexVector factors = contour.weights.array() * (t * contour.nodes.array()).exp();
+    return Vector((seen_at(driven, contour.nodes).transpose() * factors).real());
+  };
+  Contour before = window_contour(parameters, 0.8 * h_);
+  before.nodes.array() += shift;
+  try {
+    for (const LagWindow& window : windows_) {
+      const double t = h_ * double(std::max<Index>(window.first, 1));
+      const double apart = (seen(before, t) - seen(window.contour, t)).norm();
+      if (!(apart <= accepted_contour_error * (d_->observed_terms(driven).norm() + driven.norm()))) return false;
+      before = window.contour;
+    }
+  } catch (const SingularShift&) {
+    return false;
+  }
+  return true;
+}
+
+// N (z_p E - A)^{-1} right, a row for each node.
+ComplexMatrix ContourStates::seen_at(const Vector& right, const ComplexVector& nodes) const {
+  const SparseMatrix column = Matrix(right).sparseView();
+  return backend_.resolvent(Dynamics(d_->with_inputs_and_outputs(column, N_)), nodes);
+}
+
+// (z_p E - A)^{-T} of column p, for nodes that have the numbers `first_node` and so on.
+ComplexMatrix ContourStates::solve_transposed(const ComplexVector& nodes, const ComplexMatrix& right,
+                                              Index first_node) const {
+  ComplexMatrix found(right.rows(), nodes.size());
+  std::vector<std::unique_ptr<ShiftedSystem<Complex>>> made(std::size_t(nodes.size()));
+  share_each(threads_, nodes.size(), [&](Index p) {
+    const std::size_t number = std::size_t(first_node + p);
+    ShiftedSystem<Complex>* system = number < kept_.size() ? kept_[number].get() : nullptr;
+    if (!system) {
+      made[std::size_t(p)] = (*transposed_)->at_shift(nodes[p]);
+      system = made[std::size_t(p)].get();
+      if (!system) throw eigenvalue_at(nodes[p]);
+    }
+    found.col(p) = system->solve(ShiftedSystem<Complex>::Column(right.col(p)));
+  });
+  std::size_t bytes = 0;
+  for (const auto& system : kept_) bytes += system->bytes();
+  for (auto& system : made) {
+    if (!system || Index(kept_.size()) != first_node + (&system - made.data())) continue;
+    if (bytes += system->bytes(); bytes > most_kept_bytes) break;
+    kept_.push_back(std::move(system));
+  }
+  return found;
+}
+
+RowMatrix ContourStates::seen(const Vector& x0) const {
+  RowMatrix rows(J_ + 1, N_.rows());
+  rows.row(0) = (N_ * x0).transpose();
+  if (x0.isZero(0)) return RowMatrix::Zero(J_ + 1, N_.rows());
+  const Vector right = d_->times_mass(x0);
+  for (const LagWindow& window : windows_) {
+    const Index first = std::max<Index>(window.first, 1);
+    if (window.last >= first)
+      real_product(exponential_factors(window.contour, h_, first, window.last), seen_at(right, window.contour.nodes),
+                   rows.middleRows(first, window.last - first + 1));
+  }
+  return rows;
+}
+
+Vector ContourStates::seen_transposed(const RowMatrix& rho) const {
+  if (!transposed_) return {};
+  Vector sum = Vector::Zero(d_->states());
+  Index first_node = 0;
+  for (const LagWindow& window : windows_) {
+    const Index first = std::max<Index>(window.first, 1), count = window.last - first + 1;
+    if (count <= 0) continue;
+    const ComplexMatrix at_nodes = rho.middleRows(first, count).transpose().cast<Complex>() *
+                                   exponential_factors(window.contour, h_, first, window.last);
+    sum += solve_transposed(window.contour.nodes, times(N_.transpose(), at_nodes), first_node).real().rowwise().sum();
+    first_node += window.contour.nodes.size();
+  }
+  return (*transposed_)->times_mass(sum) + N_.transpose() * rho.row(0).transpose();
+}
+
+// Of the contour of one step: d, l and r, and the prepared solves.
+struct ContourStates::Step {
+  Step(const ContourStates& of, const Dynamics& d) : threads(of.threads_) {
+    const LagWindow& window = of.windows_.front();
+    decay = exponential_factors(window.contour, of.h_, 1, 1).row(0).transpose();
+    left = window.S.row(1).transpose();
+    right = window.F.row(0).transpose();
+    for (const Complex z : window.contour.nodes) {
+      systems.push_back(d->at_shift(z));
+      if (!systems.back()) throw eigenvalue_at(z);
+    }
+  }
+
+  Index nodes() const { return decay.size(); }
+  /// Column p: S(z_p) right_of(p).
+  template <class Right>
+  ComplexMatrix solve(Index m, const Right& right_of) {
+    ComplexMatrix found(m, nodes());
+    share_each(threads, nodes(), [&](Index p) {
+      found.col(p) = systems[std::size_t(p)]->solve(ShiftedSystem<Complex>::Column(right_of(p)));
+    });
+    return found;
+  }
+
+  const HostThreads& threads;
+  ComplexVector decay, left, right;
+  std::vector<std::unique_ptr<ShiftedSystem<Complex>>> systems;
+};
+
+RowMatrix ContourStates::states(const Vector& x0, const RowMatrix& u) const {
+  Step step(*this, d_);
+  RowMatrix x(J_ + 1, d_->states());
+  x.row(0) = x0.transpose();
+  for (Index j = 1; j <= J_; ++j) {
+    const Vector decayed = d_->times_mass(x.row(j - 1).transpose()), before = B_ * u.row(j - 1).transpose(),
+                 now = B_ * u.row(j).transpose();
+    const ComplexMatrix found = step.solve(x.cols(), [&](Index p) {
+      return ComplexVector(step.decay[p] * decayed + step.left[p] * before + step.right[p] * now);
+    });
+    x.row(j) = found.real().rowwise().sum().transpose();
+  }
+  return x;
+}
+
+std::pair<RowMatrix, Vector> ContourStates::states_transposed(const RowMatrix& of_x) const {
+  if (!transposed_) throw Error("x", "has no gradient where A is known by its solves alone", "weigh y, w or integral");
+  Step step(*this, *transposed_);
+  RowMatrix u = RowMatrix::Zero(J_ + 1, B_.cols());
+  Vector q = of_x.row(J_).transpose();
+  for (Index j = J_; j > 0; --j) {
+    const ComplexVector given = q.cast<Complex>();
+    const ComplexMatrix found = step.solve(q.size(), [&](Index) { return given; });
+    const auto sum = [&](const ComplexVector& factors) { return Vector((found * factors).real()); };
+    u.row(j) += (B_.transpose() * sum(step.right)).transpose();
+    u.row(j - 1) += (B_.transpose() * sum(step.left)).transpose();
+    q = of_x.row(j - 1).transpose() + (*transposed_)->times_mass(sum(step.decay));
+  }
+  return {std::move(u), std::move(q)};
+}
+
+}  // namespace bromwich
