@@ -162,15 +162,15 @@ TEST(SlabConvolution, SendsWhatTheFormulaSays) {
   const DenseRecurrence state = some_state(m, n);
   const StageRecurrence stages = some_stages(K, n);
   const LagTable entries = some_entries(K, n, J);
-  const RowMatrix y = Random(19).matrix(J + 1, n);
+  const RowMatrix y = Random(19).matrix(2 * J + 1, n);
   for (const int ranks : {1, 2, 3, 4, 7}) {
-    const auto bytes_of = [&](const Plan& make) {
+    const auto bytes_of = [&](const Plan& make, Index rows) {
       std::size_t shifted = 0, gathered = 0;
       for (const Traffic& sent : on_threads(ranks, [&](Communicator& communicator) {
              const auto backend = make_slab_backend(make_cpu_backend(1), communicator);
-             const auto in = backend->array(J + 1, n), out = backend->array(J + 1, n);
-             const auto plan = make(*backend, J + 1);
-             backend->upload(y, *in);
+             const auto in = backend->array(rows, n), out = backend->array(rows, n);
+             const auto plan = make(*backend, rows);
+             backend->upload(y.topRows(rows), *in);
              plan->apply(*in, *out, 0);
            })) {
         shifted += sent.shifted;
@@ -192,17 +192,17 @@ TEST(SlabConvolution, SendsWhatTheFormulaSays) {
       EXPECT_LT(count, decay.size());
       return std::size_t(count);
     };
-    const auto [shifted, gathered] = bytes_of(plan_of(Recurrence(modes)));
+    const auto [shifted, gathered] = bytes_of(plan_of(Recurrence(modes)), J + 1);
     EXPECT_EQ(shifted, 8 * (R - 1) * std::size_t(n * (K + 1)));
     EXPECT_EQ(gathered, ranks > 2 ? 8 * R * (R - 1) * lasting_of(modes.decay, shortest) : 0);
-    const auto [of_stages, of_stages_to_all] = bytes_of(plan_of(stages));
+    const auto [of_stages, of_stages_to_all] = bytes_of(plan_of(stages), 2 * J + 1);
     EXPECT_EQ(of_stages, 8 * (R - 1) * std::size_t(n * (K + 1)));
-    EXPECT_EQ(of_stages_to_all, ranks > 2 ? 8 * R * (R - 1) * lasting_of(stages.decay, shortest / 2) : 0);
-    const auto [of_entries, of_entries_to_all] = bytes_of(plan_of(entries));
+    EXPECT_EQ(of_stages_to_all, ranks > 2 ? 8 * R * (R - 1) * lasting_of(stages.decay, shortest) : 0);
+    const auto [of_entries, of_entries_to_all] = bytes_of(plan_of(entries), J + 1);
     EXPECT_EQ(of_entries, 8 * (R - 1) * std::size_t(n * K)) << "the last of the K is what lag 1 needs of y";
     EXPECT_EQ(of_entries_to_all,
               ranks > 2 ? 8 * R * (R - 1) * std::size_t(n) * lasting_of(entries.exponentials->decay, shortest) : 0);
-    const auto [of_state, to_all] = bytes_of(plan_of(Recurrence(state)));
+    const auto [of_state, to_all] = bytes_of(plan_of(Recurrence(state)), J + 1);
     EXPECT_EQ(of_state, 8 * (R - 1) * std::size_t(m));
     EXPECT_EQ(to_all, ranks > 2 ? 8 * R * (R - 1) * std::size_t(m) : 0) << "0.999 outlives any slab here";
   }
