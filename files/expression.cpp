@@ -109,6 +109,7 @@ constexpr std::size_t most_texts = 10'000;
 struct Expressions::Implementation {
   Meanings meanings;
   KeptValues kept{meanings};
+  Programs programs;
   std::unordered_map<std::string, std::string> parsed_before;  ///< meanings, by their texts
   std::unordered_set<std::string> agreed_before;               ///< meanings
   double t = 0;
@@ -243,7 +244,7 @@ TimeFunction Expressions::in_time(const std::vector<std::string>& texts) const {
       of_time.emplace_back(Index(i), texts[i]);
     else
       constants[Index(i)] = evaluated(texts[i], "expression");
-  return time_vector(std::move(constants), of_time, parameters());
+  return time_vector(std::move(constants), of_time, parameters(), implementation_->programs);
 }
 
 SwitchTimes Expressions::switch_times(const std::vector<std::string>& texts, double T) const {

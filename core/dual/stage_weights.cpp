@@ -32,6 +32,27 @@ void within_step(const std::function<Complex(Complex)>& F, double h, double (&w0
     for (int b = 0; b < 2; ++b) w0[a][b] = 2 * (c.v[a] * c.w[b] * value).real();
 }
 
+// c/(z - s) in the weights of lag d: factor c decay^{d-1}.
+struct Exponential {
+  double decay, factor;
+};
+
+// Those of a fit, and its linear part, which ends with lag 1.
+std::shared_ptr<const SharedExponentials> exponentials_of(const PoleSum& sum, double of_lag_1,
+                                                          const std::function<Exponential(double rate)>& weights_of) {
+  const Index K = sum.rates.size();
+  auto all = std::make_shared<SharedExponentials>();
+  all->decay = Vector::Zero(K + 1);
+  all->output.resize(K + 1, sum.functions());
+  for (Index k = 0; k < K; ++k) {
+    const Exponential one = weights_of(sum.rates[k]);
+    all->decay[k] = one.decay;
+    all->output.row(k) = one.factor * sum.coefficients.row(k);
+  }
+  all->output.row(K) = of_lag_1 * sum.linear.transpose();
+  return all;
+}
+
 }  // namespace
 
 StageRecurrence stage_recurrence(const PoleSum& sum, const Vector& mu, double h,
@@ -80,7 +101,12 @@ std::shared_ptr<const StageTables> stage_tables(const PoleSum& sum, Index n, dou
       LagTable table{n, n, false, RowMatrix(powers * sum.coefficients), RowMatrix::Zero(J + 1, size)};
       table.W.row(0) += (radau_inverse[a][b] / h) * sum.linear.transpose();
       if (a == b) table.W.row(0) += sum.constant.transpose();
-      if (b == 1) table.W.row(1) -= (radau_inverse_ones[a] / h) * sum.linear.transpose();
+      const double of_lag_1 = b == 1 ? -radau_inverse_ones[a] / h : 0;
+      if (b == 1) table.W.row(1) += of_lag_1 * sum.linear.transpose();
+      table.exponentials = exponentials_of(sum, of_lag_1, [&](double rate) {
+        const StageTerm term(h * rate, h);
+        return Exponential{term.decay, term.seen[a] * term.input[b]};
+      });
       tables->parts[a][b] = std::move(table);
     }
   return tables;
@@ -102,6 +128,10 @@ LagTable euler_table(const PoleSum& sum, Index n, double h, Index J) {
   LagTable table{n, n, false, RowMatrix(powers * sum.coefficients), RowMatrix::Zero(J + 1, n * n)};
   table.W.row(0) += (sum.constant + sum.linear / h).transpose();
   table.W.row(1) -= sum.linear.transpose() / h;
+  table.exponentials = exponentials_of(sum, -1 / h, [h](double rate) {
+    const double E = 1 / (1 - h * rate);
+    return Exponential{E, h * E * E};
+  });
   return table;
 }
 

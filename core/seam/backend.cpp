@@ -31,6 +31,10 @@ class SplitStages final : public Convolution {
     backend_.put_stages(*v_[0], *v_[1], v);
   }
 
+  bool recorded() const override {
+    return parts_[0][0]->recorded() && parts_[0][1]->recorded() && parts_[1][0]->recorded() && parts_[1][1]->recorded();
+  }
+
   std::size_t bytes() const override {
     std::size_t sum = part_->bytes();
     for (int a = 0; a < 2; ++a) {
@@ -134,32 +138,9 @@ void Backend::restrict_problem(const Array& r, const Array& v, const Array& y, c
   inject(y, old);
 }
 
-void Backend::take_stages(const Array& stages, Array& first, Array& second) {
-  if (staged_.take_stages) return staged_.take_stages(stages, first, second);
-  RowMatrix all, odd = RowMatrix::Zero(first.rows(), first.cols()), even(first.rows(), first.cols());
-  download(stages, all);
-  for (Index j = 0; j < first.rows(); ++j) {
-    if (j > 0) odd.row(j) = all.row(2 * j - 1);
-    even.row(j) = all.row(2 * j);
-  }
-  upload(odd, first);
-  upload(even, second);
-}
-
-void Backend::put_stages(const Array& first, const Array& second, Array& stages) {
-  if (staged_.put_stages) return staged_.put_stages(first, second, stages);
-  RowMatrix odd, even, all(stages.rows(), stages.cols());
-  download(first, odd);
-  download(second, even);
-  all.row(0) = even.row(0);
-  for (Index j = 1; j < first.rows(); ++j) {
-    all.row(2 * j - 1) = odd.row(j);
-    all.row(2 * j) = even.row(j);
-  }
-  upload(all, stages);
-}
-
 std::unique_ptr<Convolution> Backend::stage_convolution(StageWeights parts, Index n, Index rows) {
+  if (staged_.stage_tables)
+    if (auto plan = staged_.stage_tables(parts, n, rows)) return plan;
   return std::make_unique<SplitStages>(*this, parts, n, rows);
 }
 
@@ -171,40 +152,6 @@ std::unique_ptr<Convolution> Backend::stage_convolution(const StageRecurrence& r
     for (int b = 0; b < 2; ++b) weights[a][b] = Recurrence(part_of(r, a, b));
   const Weights* const parts[2][2] = {{&weights[0][0], &weights[0][1]}, {&weights[1][0], &weights[1][1]}};
   return stage_convolution(parts, r.modes(), rows);
-}
-
-void Backend::sweep_stages(const StageDivisors& d, const Array& r, const Array& v, Array& y) {
-  if (staged_.sweep_stages) return staged_.sweep_stages(d, r, v, y);
-  RowMatrix known, far, values;
-  download(r, known);
-  download(v, far);
-  download(y, values);
-  known += far;
-  for (Index j = 1; 2 * j < values.rows(); ++j) {
-    const Vector before = values.row(2 * j - 1).transpose();
-    values.row(2 * j - 1) = (values.row(2 * j - 1) - known.row(2 * j - 1) / d.first).cwiseMax(0);
-    const Vector change = values.row(2 * j - 1).transpose() - before;
-    values.row(2 * j) =
-        (values.row(2 * j) - (known.row(2 * j) + d.second_by_first * change.transpose()) / d.second).cwiseMax(0);
-  }
-  upload(values, y);
-}
-
-void Backend::restrict_stages(const Array& r, const Array& v, const Array& y, const Array& coarse_v, Array& coarse_r,
-                              Array& coarse_y, Array& old) {
-  if (staged_.restrict_stages) return staged_.restrict_stages(r, v, y, coarse_v, coarse_r, coarse_y, old);
-  restrict_problem(r, v, y, coarse_v, coarse_r, coarse_y, old);
-  RowMatrix known, far, values, result;
-  download(r, known);
-  download(v, far);
-  download(y, values);
-  download(coarse_r, result);
-  known += far;
-  for (Index j = 1; j < result.rows(); ++j)
-    for (Index i = 0; i < result.cols(); ++i)
-      if ((values(2 * j - 1, i) > 0) == (values(2 * j, i) > 0))
-        result(j, i) += 0.75 * (known(2 * j - 1, i) - known(2 * j, i));
-  upload(result, coarse_r);
 }
 
 double Backend::difference(const Array& a, const Array& b) {

@@ -22,8 +22,6 @@ struct DeviceInfo {
   double memory = 0;  ///< bytes free for arrays and plans; 0: they use the memory of the host
 };
 
-using StageWeights = const Weights* const (&)[2][2];
-
 /// Both ways between the points of a face and its modes. With sine modes they are one plan.
 struct FaceTransforms {
   std::shared_ptr<RowTransform> to_modes, to_points;
@@ -35,7 +33,7 @@ struct FaceTransforms {
 class Backend : public HostThreads {
  public:
   explicit Backend(std::string name, const BackendTraits& traits = {}, int ranks = 1)
-      : name_(std::move(name)), traits_(traits), ranks_(ranks) {}
+      : staged_(stages_by_host(*this)), name_(std::move(name)), traits_(traits), ranks_(ranks) {}
 
   const std::string& name() const { return name_; }
   virtual DeviceInfo device() const = 0;
@@ -90,9 +88,9 @@ class Backend : public HostThreads {
                         Array& coarse_y, Array& old);
   /// Row j of `first`, `second` <- rows 2j - 1 and 2j of `stages`, which has 2J + 1 rows. Row 0 of `first` becomes
   /// zero.
-  void take_stages(const Array& stages, Array& first, Array& second);
+  void take_stages(const Array& stages, Array& first, Array& second) { staged_.take_stages(stages, first, second); }
   /// The reverse; row 0 of `first` is not used.
-  void put_stages(const Array& first, const Array& second, Array& stages);
+  void put_stages(const Array& first, const Array& second, Array& stages) { staged_.put_stages(first, second, stages); }
   /// A convolution with two stages in each step on arrays of 2J + 1 rows (StageRecurrence): v_a = Σ_b W_ab * y_b with
   /// W_ab in `parts[a][b]`. Row 0 of y is not used, so that weights of y_0 have to be zero; row 0 of v is that of the
   /// second stage, zero.
@@ -100,12 +98,16 @@ class Backend : public HostThreads {
   std::unique_ptr<Convolution> stage_convolution(const StageRecurrence&, Index rows);
   /// A projected sweep for 0 <= y ⊥ r + v >= 0 with two stages in each step, the first before the second:
   ///     y_1 <- max(0, y_1 - q_1/d_11),  y_2 <- max(0, y_2 - (q_2 + d_21 (change of y_1))/d_22),   q = r + v.
-  void sweep_stages(const StageDivisors&, const Array& r, const Array& v, Array& y);
+  void sweep_stages(const StageDivisors& d, const Array& r, const Array& v, Array& y) {
+    staged_.sweep_stages(d, r, v, y);
+  }
   /// `restrict_problem` from the stages of the fine grid to the ends of the same steps. Where y is zero at both stages
   /// or at none of them, R q is the mean 3/4 q_1 + 1/4 q_2 of q = r + v; elsewhere it is q_2. A solution stays one
   /// then.
   void restrict_stages(const Array& r, const Array& v, const Array& y, const Array& coarse_v, Array& coarse_r,
-                       Array& coarse_y, Array& old);
+                       Array& coarse_y, Array& old) {
+    staged_.restrict_stages(r, v, y, coarse_v, coarse_r, coarse_y, old);
+  }
   /// max_j |a_j - b_j|_inf / max(1, |a_j|_inf); NaN where a value is not finite.
   double difference(const Array& a, const Array& b);
   /// Whether some column alternates over `run` consecutive rows: the second differences change sign from row to row,
@@ -129,14 +131,12 @@ class Backend : public HostThreads {
 
  protected:
   FusedOperations fused_;
+  StageOperations staged_;
 
  private:
   std::string name_;
   BackendTraits traits_;
   int ranks_;
-
- protected:
-  StageOperations staged_;
 };
 
 }  // namespace bromwich

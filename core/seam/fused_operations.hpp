@@ -41,20 +41,30 @@ struct FusedOperations {
   SlabOperations slabs;
 };
 
+/// Weights from stage b to stage a, at [a][b].
+using StageWeights = const Weights* const (&)[2][2];
+
 /// The lower triangular matrix that a sweep over both stages of a step divides by (Backend::sweep_stages).
 struct StageDivisors {
   double first = 0, second_by_first = 0, second = 0;
 };
 
-/// The same for arrays with two stages in each step (Backend::take_stages).
+/// The same for arrays with two stages in each step (the members of Backend of the same name). A backend has all but
+/// the last two, on the host where it gives none of its own (stages_by_host).
 struct StageOperations {
   std::function<void(const Array& stages, Array& first, Array& second)> take_stages;
   std::function<void(const Array& first, const Array& second, Array& stages)> put_stages;
-  std::function<std::unique_ptr<Convolution>(const StageRecurrence&, Index rows)> stage_convolution;
   std::function<void(const StageDivisors&, const Array& r, const Array& v, Array& y)> sweep_stages;
   std::function<void(const Array& r, const Array& v, const Array& y, const Array& coarse_v, Array& coarse_r,
                      Array& coarse_y, Array& old)>
       restrict_stages;
+  /// These may return null: four convolutions take their place.
+  std::function<std::unique_ptr<Convolution>(const StageRecurrence&, Index rows)> stage_convolution;
+  std::function<std::unique_ptr<Convolution>(StageWeights, Index n, Index rows)> stage_tables;
 };
+
+class Backend;
+/// The first four, by copies to the host and back.
+StageOperations stages_by_host(Backend&);
 
 }  // namespace bromwich

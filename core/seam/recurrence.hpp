@@ -23,12 +23,20 @@
 
 namespace bromwich {
 
+/// Exponentials that all entries of lag weights have in common: W_d = Σ_k E_k^{d-1} C_k for d >= 1, and S = 0. A part
+/// of lag 1 alone has E_k = 0.
+struct SharedExponentials {
+  Vector decay;      ///< K: E_k
+  RowMatrix output;  ///< row k: the entries of C_k, row by row
+};
+
 /// Lag weights: row d holds W_d; row j of S holds S_j, the weight of y_0.
 struct LagTable {
   Index outputs = 0, inputs = 0;
   bool modal = false;   ///< true: W_d is diagonal and a row holds its n entries; false: n x k entries, row by row
   RowMatrix W, S;       ///< (J+1) x n, or (J+1) x (n k); row 0 of S is zero
   FaceBasis face = {};  ///< as of ModalRecurrence, if modal
+  std::shared_ptr<const SharedExponentials> exponentials = {};  ///< null: not known
 
   FaceBasis basis() const { return face.empty() ? FaceBasis{outputs} : face; }
 };

@@ -11,7 +11,7 @@ constexpr Index values_of_a_piece = Index(1) << 25;  ///< 256 MiB, in which resu
 }  // namespace
 
 HostRows::HostRows(Backend& local, Array& array)
-    : local_(local), array_(array), values_(array.host_values()), cols_(array.cols()) {
+    : local_(local), array_(array), values_(array.host_values()), cols_(array.cols()), stride_(cols_) {
   if (values_) return;
   local.download(array, copy_);
   values_ = copy_.data();

@@ -29,16 +29,21 @@ inline Array& local_part(const Array& array) { return *slab(array).local; }
 class HostRows {
  public:
   HostRows(Backend& local, Array& array);
-  double* row(Index j) { return values_ + j * cols_; }
+  double* row(Index j) { return values_ + j * stride_; }
+  /// Row j, j >= 1: the values at stage a, 0 or 1, of step j, where the array has two stages in each step.
+  HostRows stage(int a) const { return {local_, array_, values_ + (a - 1) * cols_, cols_, 2 * stride_}; }
   /// Writes changed values into the array.
   void put();
 
  private:
+  HostRows(Backend& local, Array& array, double* values, Index cols, Index stride)
+      : local_(local), array_(array), values_(values), cols_(cols), stride_(stride) {}
+
   Backend& local_;
   Array& array_;
   RowMatrix copy_;
   double* values_;
-  Index cols_;
+  Index cols_, stride_;
 };
 
 /// A backend of this rank, and the other ranks. "Here": in a local array.

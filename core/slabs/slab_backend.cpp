@@ -4,6 +4,7 @@
 #include "core/slabs/slab_array.hpp"
 #include "core/slabs/slab_convolution.hpp"
 #include "core/slabs/slab_plans.hpp"
+#include "core/slabs/slab_stages.hpp"
 
 #include <algorithm>
 #include <string>
@@ -12,15 +13,6 @@
 namespace bromwich {
 
 namespace {
-
-// Whether the ends of slabs are points of both grids.
-bool aligned(const Slabs& fine, const Slabs& coarse) {
-  if (fine.whole() || coarse.whole()) return false;
-  const Index ratio = fine.steps / coarse.steps;
-  for (std::size_t r = 0; r < fine.ends.size(); ++r)
-    if (fine.ends[r] != ratio * coarse.ends[r]) return false;
-  return true;
-}
 
 class SlabBackend final : public Backend {
  public:
@@ -60,7 +52,7 @@ class SlabBackend final : public Backend {
     fused_.resolvent = [this](const Dynamics& dynamics, const ComplexVector& nodes) {
       return resolvent_by_nodes(dynamics, nodes);
     };
-    refuse_stages();
+    staged_ = slab_stages(ranked_, staged_);
   }
 
   DeviceInfo device() const override {
@@ -115,7 +107,7 @@ class SlabBackend final : public Backend {
   }
   std::unique_ptr<Convolution> convolution(WeightsRef weights, Index rows) override {
     const Slabs slabs = slabs_for(rows);
-    if (slabs.whole()) return std::make_unique<WholeConvolution>(ranked_, local_->convolution(weights, rows));
+    if (slabs.whole()) return make_whole_convolution(ranked_, local_->convolution(weights, rows), slabs, 0);
     return make_slab_convolution(ranked_, weights, slabs);
   }
   std::unique_ptr<LcpBatch> shifted_lcp(const LcpMatrix& M, LcpClass lcp_class, double shift, Index rows) override {
@@ -127,30 +119,6 @@ class SlabBackend final : public Backend {
   }
 
  private:
-  // Rows that every rank holds.
-  class WholeConvolution final : public Convolution {
-   public:
-    WholeConvolution(const RankedBackend& ranked, std::unique_ptr<Convolution> plan)
-        : ranked_(ranked), plan_(std::move(plan)) {
-      if (!plan_->start_from) return;
-      start_from = [this](const Array& D) {
-        RowMatrix values;
-        ranked_.download(D, values);
-        if (!start_) start_ = ranked_.local.array(D.rows(), D.cols());
-        ranked_.local.upload(values, *start_);
-        plan_->start_from(*start_);
-      };
-    }
-    void apply(const Array& y, Array& v, Index first) override { plan_->apply(local_part(y), local_part(v), first); }
-    bool recorded() const override { return plan_->recorded(); }
-    std::size_t bytes() const override { return plan_->bytes(); }
-
-   private:
-    RankedBackend ranked_;
-    std::unique_ptr<Convolution> plan_;
-    std::unique_ptr<Array> start_;
-  };
-
   Slabs slabs_for(Index rows) const { return slabs_of(rows, ranked_.communicator); }
 
   void upload_product_here(const RowMatrix& amplitudes, const Matrix& shapes, Array& to) {
@@ -234,26 +202,6 @@ class SlabBackend final : public Backend {
       ranked_.communicator.broadcast(reinterpret_cast<double*>(by_columns.col(begin(r)).data()),
                                      2 * own.cols() * (begin(r + 1) - begin(r)), int(r));
     return by_columns.transpose();
-  }
-
-  void refuse_stages() {
-    const auto refuse = [this] {
-      throw Error("ranks",
-                  "found " + std::to_string(ranks()) +
-                      " for cycles with two stages in each step, which do not "
-                      "split over time",
-                  "run it on one rank");
-    };
-    staged_.take_stages = [refuse](const Array&, Array&, Array&) { refuse(); };
-    staged_.put_stages = [refuse](const Array&, const Array&, Array&) { refuse(); };
-    staged_.stage_convolution = [refuse](const StageRecurrence&, Index) -> std::unique_ptr<Convolution> {
-      refuse();
-      return nullptr;
-    };
-    staged_.sweep_stages = [refuse](const StageDivisors&, const Array&, const Array&, Array&) { refuse(); };
-    staged_.restrict_stages = [refuse](const Array&, const Array&, const Array&, const Array&, Array&, Array&, Array&) {
-      refuse();
-    };
   }
 
   std::unique_ptr<Backend> local_;

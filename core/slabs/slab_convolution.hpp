@@ -14,13 +14,17 @@
 //
 // Bytes that all R ranks send for one convolution, with n columns and K exponentials a mode, P of which (of n K)
 // outlive the shortest slab between two others:  8 ((R - 1) n (K + 1) + R (R - 1) P) in modes, P = 0 for R = 2. A dense
-// state of m values: 8 ((R - 1) m + R (R - 1) P), P = m or 0.
+// state of m values: 8 ((R - 1) m + R (R - 1) P), P = m or 0. With two stages in each step, which drive one state, and
+// by lag weights with K exponentials in common, as in modes.
 
 #include "slab_array.hpp"
 
 namespace bromwich {
 
-/// v must have the slabs of y. Throws Error for a lag table: sums over all lags do not end at a slab.
+/// v must have the slabs of y. Throws Error for a lag table without exponentials: sums over all lags do not end at a
+/// slab.
 std::unique_ptr<Convolution> make_slab_convolution(const RankedBackend&, WeightsRef, const Slabs&);
+/// With two stages in each step. Null for a backend whose rows travel: four convolutions take its place.
+std::unique_ptr<Convolution> make_slab_convolution(const RankedBackend&, const StageRecurrence&, const Slabs&);
 
 }  // namespace bromwich

@@ -128,6 +128,39 @@ class SlabDifferences final : public Differences {
   bool known_ = true, divided_ = false;
 };
 
+class WholeConvolution final : public Convolution {
+ public:
+  WholeConvolution(const RankedBackend& ranked, std::unique_ptr<Convolution> plan, const Slabs& slabs, Index cols)
+      : ranked_(ranked), plan_(std::move(plan)) {
+    if (!slabs.whole())
+      for (auto* array : {&y_, &v_}) *array = ranked.local.array(slabs.steps + 1, cols);
+    if (!plan_->start_from) return;
+    start_from = [this](const Array& D) {
+      ranked_.download(D, values_);
+      if (!start_) start_ = ranked_.local.array(D.rows(), D.cols());
+      ranked_.local.upload(values_, *start_);
+      plan_->start_from(*start_);
+    };
+  }
+
+  void apply(const Array& y, Array& v, Index first) override {
+    if (!y_) return plan_->apply(local_part(y), local_part(v), first);
+    ranked_.download(y, values_);
+    ranked_.local.upload(values_, *y_);
+    plan_->apply(*y_, *v_, first);
+    ranked_.local.download(*v_, values_);
+    ranked_.upload(values_, v);
+  }
+  bool recorded() const override { return !y_ && plan_->recorded(); }
+  std::size_t bytes() const override { return plan_->bytes() + (y_ ? y_->bytes() + v_->bytes() : 0); }
+
+ private:
+  RankedBackend ranked_;
+  std::unique_ptr<Convolution> plan_;
+  std::unique_ptr<Array> y_, v_, start_;  ///< y_, v_: all rows; null for whole arrays
+  RowMatrix values_;
+};
+
 class SlabMarch final : public March {
  public:
   SlabMarch(const RankedBackend& ranked, const MarchProblem& problem, const Slabs& slabs)
@@ -211,6 +244,10 @@ std::unique_ptr<LcpBatch> make_slab_lcp(const RankedBackend& ranked, std::unique
 }
 std::unique_ptr<Differences> make_slab_differences(const RankedBackend& ranked, std::size_t slots) {
   return std::make_unique<SlabDifferences>(ranked, slots);
+}
+std::unique_ptr<Convolution> make_whole_convolution(const RankedBackend& ranked, std::unique_ptr<Convolution> whole,
+                                                    const Slabs& slabs, Index cols) {
+  return std::make_unique<WholeConvolution>(ranked, std::move(whole), slabs, cols);
 }
 std::unique_ptr<March> make_slab_march(const RankedBackend& ranked, const MarchProblem& problem, const Slabs& slabs) {
   return std::make_unique<SlabMarch>(ranked, problem, slabs);

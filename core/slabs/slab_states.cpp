@@ -7,6 +7,9 @@
 #include <atomic>
 #include <cmath>
 #include <cstring>
+#include <limits>
+#include <memory>
+#include <utility>
 
 namespace bromwich {
 
@@ -20,73 +23,86 @@ constexpr Index together = 4;  ///< blocks of modes, neighbours in each row
 constexpr Index tile = 64;     ///< rows of them, 16 KB
 using Tile = Lanes[together][tile];
 
-// Eight exponentials of eight modes.
-struct Bank {
-  Lanes E[group], z[group];
+}  // namespace
 
-  bool nothing() const {
-    return std::all_of(z, z + group, [](const Lanes& one) { return !simd::any(one != simd::all(0)); });
-  }
-  // z <- the state after `count` more values.
-  void advance(const Lanes* y, Index count) {
-    Lanes decay[group], state[group];
-    std::copy_n(E, group, decay);
-    std::copy_n(z, group, state);
-    for (Index j = 0; j < count; ++j)
-      for (Index g = 0; g < group; ++g) state[g] = decay[g] * state[g] + y[j];
-    std::copy_n(state, group, z);
-  }
-  // v_j += z, z <- E z.
-  void add(Lanes* v, Index count) {
-    Lanes decay[group], state[group];
-    std::copy_n(E, group, decay);
-    std::copy_n(z, group, state);
-    for (Index j = 0; j < count; ++j) {
-      Lanes even = v[j] + state[0], odd = state[1];
-      for (Index g = 2; g < group; g += 2) {
-        even += state[g];
-        odd += state[g + 1];
-      }
-      v[j] = even + odd;
-      for (Index g = 0; g < group; ++g) state[g] *= decay[g];
+// Up to 32 neighbouring modes with all their exponentials, padded with 0: bank k / group * blocks + b has those of
+// block b.
+struct ModalState::Bunch {
+  // Eight exponentials of eight modes.
+  struct Bank {
+    Lanes E[group] = {}, C[group] = {};
+    Index known = 0;  ///< rows after which all of them are forgotten
+
+    // z <- the state after `count` more values.
+    void advance(const Lanes* y, Index count, Lanes* z) const {
+      Lanes decay[group], state[group];
+      std::copy_n(E, group, decay);
+      std::copy_n(z, group, state);
+      for (Index j = 0; j < count; ++j)
+        for (Index g = 0; g < group; ++g) state[g] = decay[g] * state[g] + y[j];
+      std::copy_n(state, group, z);
     }
-    std::copy_n(state, group, z);
-  }
-};
+    // v_j += z, z <- E z.
+    void add(Lanes* z, Lanes* v, Index count) const {
+      Lanes decay[group], state[group];
+      std::copy_n(E, group, decay);
+      std::copy_n(z, group, state);
+      for (Index j = 0; j < count; ++j) {
+        Lanes even = v[j] + state[0], odd = state[1];
+        for (Index g = 2; g < group; g += 2) {
+          even += state[g];
+          odd += state[g + 1];
+        }
+        v[j] = even + odd;
+        for (Index g = 0; g < group; ++g) state[g] *= decay[g];
+      }
+      std::copy_n(state, group, z);
+    }
+  };
 
-// Up to 32 neighbouring modes with all their exponentials, padded with 0.
-struct Bunch {
-  Index begin, count;  ///< columns
+  Index begin, count, K, n;  ///< begin, count: columns
+  std::vector<Bank> banks;
+
+  Bunch(const ModalRecurrence& r, Index begin_in)
+      : begin(begin_in),
+        count(std::min(together * lanes, r.modes() - begin_in)),
+        K(r.exponentials()),
+        n(r.modes()),
+        banks(std::size_t(blocks() * ((K + group - 1) / group))) {
+    constexpr Index without_end = std::numeric_limits<Index>::max();
+    for (Index k = 0; k < K; ++k)
+      for (Index l = 0; l < count; ++l) {
+        Bank& bank = banks[place(k, l / lanes) / group];
+        const double E = r.decay(k, begin + l);
+        bank.E[k % group][l % lanes] = E;
+        bank.C[k % group][l % lanes] = r.output(k, begin + l);
+        bank.known = std::max(bank.known, remembered(std::abs(E), without_end));
+      }
+  }
 
   Index blocks() const { return simd::blocks(count); }
   Index width(Index block) const { return std::min(lanes, count - block * lanes); }
+  std::size_t bytes_of(Index block) const { return sizeof(double) * std::size_t(width(block)); }
 
-  std::vector<Bank> banks(const RowMatrix& decay, const double* z) const {
-    const Index n = decay.cols(), K = decay.rows();
-    std::vector<Bank> all(std::size_t(blocks() * ((K + group - 1) / group)), Bank{});
-    for (Index b = 0; b < blocks(); ++b)
-      for (Index k = 0; k < K; ++k) {
-        Bank& bank = all[std::size_t(k / group * blocks() + b)];
-        for (Index i = 0; i < width(b); ++i) {
-          const Index column = begin + b * lanes + i;
-          bank.E[k % group][i] = decay(k, column);
-          bank.z[k % group][i] = z[k * n + column];
-        }
-      }
-    return all;
+  // The values of K x n that belong to the banks, one bank after the other.
+  std::vector<Lanes> take(const double* z) const {
+    std::vector<Lanes> state(banks.size() * std::size_t(group), simd::all(0));
+    for (Index k = 0; k < K; ++k)
+      for (Index b = 0; b < blocks(); ++b) std::memcpy(&state[place(k, b)], z + k * n + begin + b * lanes, bytes_of(b));
+    return state;
   }
-  void take(const std::vector<Bank>& banks, Index K, Index n, double* z) const {
-    for (Index b = 0; b < blocks(); ++b)
-      for (Index k = 0; k < K; ++k)
-        for (Index i = 0; i < width(b); ++i)
-          z[k * n + begin + b * lanes + i] = banks[std::size_t(k / group * blocks() + b)].z[k % group][i];
+  void give(const std::vector<Lanes>& state, double* z) const {
+    for (Index k = 0; k < K; ++k)
+      for (Index b = 0; b < blocks(); ++b) std::memcpy(z + k * n + begin + b * lanes, &state[place(k, b)], bytes_of(b));
   }
+  std::size_t place(Index k, Index b) const { return std::size_t((k / group * blocks() + b) * group + k % group); }
+
   void read(HostRows& rows, Index first, Index length, Tile& to) const {
     for (Index j = 0; j < length; ++j) {
       const double* row = rows.row(first + j) + begin;
       for (Index b = 0; b < blocks(); ++b) {
         Lanes values = simd::all(0);
-        std::memcpy(&values, row + b * lanes, sizeof(double) * std::size_t(width(b)));
+        std::memcpy(&values, row + b * lanes, bytes_of(b));
         to[b][j] = values;
       }
     }
@@ -94,21 +110,10 @@ struct Bunch {
   void write(const Tile& from, Index first, Index length, HostRows& rows) const {
     for (Index j = 0; j < length; ++j) {
       double* row = rows.row(first + j) + begin;
-      for (Index b = 0; b < blocks(); ++b)
-        std::memcpy(row + b * lanes, &from[b][j], sizeof(double) * std::size_t(width(b)));
+      for (Index b = 0; b < blocks(); ++b) std::memcpy(row + b * lanes, &from[b][j], bytes_of(b));
     }
   }
 };
-
-void in_bunches(Index n, const HostThreads& threads, const std::function<void(const Bunch&)>& body) {
-  constexpr Index width = together * lanes;
-  threads.each_range((n + width - 1) / width, 1, [&](Index first, Index last) {
-    const FlushDenormals flush;  // forgotten parts decay further
-    for (Index b = first; b < last; ++b) body({b * width, std::min(width, n - b * width)});
-  });
-}
-
-}  // namespace
 
 Index remembered(double slowest, Index most) {
   if (slowest == 0) return std::min<Index>(1, most);
@@ -145,50 +150,75 @@ Outliving outliving(const RowMatrix& decay, const std::vector<Index>& ends, int 
 ModalState::ModalState(const ModalRecurrence& r)
     : K_(r.exponentials()), n_(r.modes()), decay_(r.decay), output_(r.output), start_(r.start), initial_(r.initial) {
   if (initial_.size() == 0) initial_ = RowMatrix::Zero(K_, n_);
-  slowest_ = K_ > 0 ? Vector(decay_.cwiseAbs().colwise().maxCoeff().transpose()) : Vector(Vector::Zero(n_));
+  auto bunches = std::make_shared<std::vector<Bunch>>();
+  for (Index begin = 0; begin < n_; begin += together * lanes) bunches->emplace_back(r, begin);
+  bunches_ = std::move(bunches);
 }
 
-Vector ModalState::start(const double* y0) const {
-  RowMatrix z = initial_;
-  for (Index k = 0; k < K_; ++k) z.row(k) += start_.row(k).cwiseProduct(Eigen::Map<const Eigen::RowVectorXd>(y0, n_));
-  return Eigen::Map<const Vector>(z.data(), z.size());
+void ModalState::start(const double* y0, Eigen::Ref<Vector> z) const {
+  Eigen::Map<RowMatrix>(z.data(), K_, n_) =
+      initial_.array() + start_.array().rowwise() * Eigen::Map<const Eigen::RowVectorXd>(y0, n_).array();
 }
 
 void ModalState::start_from(const RowMatrix& D) {
   initial_ = (decay_.array() == 0).select(0, D.array() * decay_.array() / output_.array());
 }
 
-void ModalState::advance(HostRows& y, Index rows, const HostThreads& threads, Vector& z) const {
-  in_bunches(n_, threads, [&](const Bunch& bunch) {
-    const Index known = remembered(slowest_.segment(bunch.begin, bunch.count).maxCoeff(), rows);
-    std::vector<Bank> banks = bunch.banks(decay_, z.data());
-    if (known < rows)
-      for (Bank& bank : banks) std::fill_n(bank.z, group, simd::all(0));
-    Tile in;
-    for (Index j = rows - known + 1; j <= rows; j += tile) {
-      const Index length = std::min(tile, rows + 1 - j);
-      bunch.read(y, j, length, in);
-      for (std::size_t i = 0; i < banks.size(); ++i) banks[i].advance(in[Index(i) % bunch.blocks()], length);
-    }
-    bunch.take(banks, K_, n_, z.data());
+template <class Body>
+void ModalState::in_bunches(const HostThreads& threads, const Body& body) const {
+  threads.each_range(Index(bunches_->size()), 1, [&](Index first, Index last) {
+    const FlushDenormals flush;  // forgotten parts decay further
+    for (Index b = first; b < last; ++b) body((*bunches_)[std::size_t(b)]);
   });
 }
 
-Index ModalState::add(const Vector& z, Index rows, const HostThreads& threads, HostRows& v) const {
+// A bank begins, with 0, at the first tile whose rows it does not forget all.
+void ModalState::advance(HostRows& y, Index rows, const HostThreads& threads, Eigen::Ref<Vector> z) const {
+  in_bunches(threads, [&](const Bunch& bunch) {
+    const std::size_t banks = bunch.banks.size();
+    std::vector<Lanes> state = bunch.take(z.data());
+    Index most = 0;
+    for (std::size_t i = 0; i < banks; ++i) {
+      const Index known = bunch.banks[i].known;
+      most = std::max(most, std::min(known, rows));
+      if (known < rows) std::fill_n(&state[i * std::size_t(group)], group, simd::all(0));
+    }
+    Tile in;
+    for (Index j = rows - most + 1; j <= rows; j += tile) {
+      const Index length = std::min(tile, rows + 1 - j);
+      bunch.read(y, j, length, in);
+      for (std::size_t i = 0; i < banks; ++i)
+        if (const Bunch::Bank& bank = bunch.banks[i]; bank.known > rows - j - length)
+          bank.advance(in[Index(i) % bunch.blocks()], length, &state[i * std::size_t(group)]);
+    }
+    bunch.give(state, z.data());
+  });
+}
+
+Index ModalState::add(const Eigen::Ref<const Vector>& z, Index rows, const HostThreads& threads, HostRows& v) const {
   std::atomic<Index> last = 0;
-  Vector seen = z;  // C z
-  Eigen::Map<RowMatrix>(seen.data(), K_, n_).array() *= output_.array();
-  in_bunches(n_, threads, [&](const Bunch& bunch) {
-    const Index known = remembered(slowest_.segment(bunch.begin, bunch.count).maxCoeff(), rows);
-    std::vector<Bank> banks = bunch.banks(decay_, seen.data());
-    if (std::all_of(banks.begin(), banks.end(), [](const Bank& bank) { return bank.nothing(); })) return;
-    for (Index before = last; before < known && !last.compare_exchange_weak(before, known);) {
+  in_bunches(threads, [&](const Bunch& bunch) {
+    const std::size_t banks = bunch.banks.size();
+    std::vector<Lanes> state = bunch.take(z.data());  // C z
+    std::vector<Index> known(banks, 0);
+    for (std::size_t i = 0; i < banks; ++i) {
+      bool something = false;
+      for (Index g = 0; g < group; ++g) {
+        Lanes& one = state[i * std::size_t(group) + std::size_t(g)];
+        one *= bunch.banks[i].C[g];
+        something = something || simd::any(one != simd::all(0));
+      }
+      if (something) known[i] = std::min(bunch.banks[i].known, rows);
+    }
+    const Index most = *std::max_element(known.begin(), known.end());
+    for (Index before = last; before < most && !last.compare_exchange_weak(before, most);) {
     }
     Tile out;
-    for (Index j = 1; j <= known; j += tile) {
-      const Index length = std::min(tile, known + 1 - j);
+    for (Index j = 1; j <= most; j += tile) {
+      const Index length = std::min(tile, most + 1 - j);
       bunch.read(v, j, length, out);
-      for (std::size_t i = 0; i < banks.size(); ++i) banks[i].add(out[Index(i) % bunch.blocks()], length);
+      for (std::size_t i = 0; i < banks; ++i)
+        if (known[i] >= j) bunch.banks[i].add(&state[i * std::size_t(group)], out[Index(i) % bunch.blocks()], length);
       bunch.write(out, j, length, v);
     }
   });
@@ -202,8 +232,10 @@ std::vector<Index> ModalState::lasting(Index steps) const {
   return found;
 }
 
-void ModalState::carry(const std::vector<Index>& which, Index steps, Vector& values) const {
-  for (std::size_t i = 0; i < which.size(); ++i) values[Index(i)] *= std::pow(decay_.data()[which[i]], double(steps));
+Eigen::DiagonalMatrix<double, Eigen::Dynamic> ModalState::power(const std::vector<Index>& which, Index steps) const {
+  Vector powers(Index(which.size()));
+  for (std::size_t i = 0; i < which.size(); ++i) powers[Index(i)] = std::pow(decay_.data()[which[i]], double(steps));
+  return Eigen::DiagonalMatrix<double, Eigen::Dynamic>(powers);
 }
 
 // The memory ends with the first power, by doubling, that is forgotten: its norm bounds those of later ones.
@@ -213,20 +245,23 @@ DenseState::DenseState(const DenseRecurrence& r) : r_(r) {
     if (power.cwiseAbs().rowwise().sum().maxCoeff() <= forgotten) break;
 }
 
-Vector DenseState::start(const double* y0) const { return r_.start * Eigen::Map<const Vector>(y0, r_.start.cols()); }
+void DenseState::start(const double* y0, Eigen::Ref<Vector> z) const {
+  z = r_.start * Eigen::Map<const Vector>(y0, r_.start.cols());
+}
 
-void DenseState::advance(HostRows& y, Index rows, const HostThreads&, Vector& z) const {
+void DenseState::advance(HostRows& y, Index rows, const HostThreads&, Eigen::Ref<Vector> end) const {
   const Index known = std::min(memory_, rows);
+  Vector z = end, fresh(z.size());
   if (known < rows) z.setZero();
-  Vector fresh(z.size());
   for (Index j = rows - known + 1; j <= rows; ++j) {
     fresh.noalias() = r_.decay * z;
     fresh.noalias() += r_.input * Eigen::Map<const Vector>(y.row(j), r_.input.cols());
     z.swap(fresh);
   }
+  end = z;
 }
 
-Index DenseState::add(const Vector& carried, Index rows, const HostThreads&, HostRows& v) const {
+Index DenseState::add(const Eigen::Ref<const Vector>& carried, Index rows, const HostThreads&, HostRows& v) const {
   Vector z = carried, fresh(z.size());
   const Index last = std::min(memory_, rows);
   for (Index j = 1; j <= last; ++j) {
@@ -243,8 +278,6 @@ std::vector<Index> DenseState::lasting(Index steps) const {
   return all;
 }
 
-void DenseState::carry(const std::vector<Index>& which, Index steps, Vector& values) const {
-  if (!which.empty()) values = matrix_power(r_.decay, steps) * values;
-}
+Matrix DenseState::power(const std::vector<Index>&, Index steps) const { return matrix_power(r_.decay, steps); }
 
 }  // namespace bromwich

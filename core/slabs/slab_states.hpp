@@ -4,6 +4,7 @@
 
 #include "slab_array.hpp"
 
+#include <memory>
 #include <vector>
 
 namespace bromwich {
@@ -14,25 +15,29 @@ class ModalState {
   explicit ModalState(const ModalRecurrence& r);
 
   Index size() const { return K_ * n_; }
-  /// z before row 1 of an array that begins with y_0: of y_0 and x0.
-  Vector start(const double* y0) const;
+  /// z <- the state before row 1 of an array that begins with y_0: of y_0 and x0.
+  void start(const double* y0, Eigen::Ref<Vector> z) const;
   /// The part of x0 in it.
   Vector initial() const { return Eigen::Map<const Vector>(initial_.data(), initial_.size()); }
   /// See Convolution::start_from.
   void start_from(const RowMatrix& D);
   /// z <- the state after rows 1 .. rows of y.
-  void advance(HostRows& y, Index rows, const HostThreads&, Vector& z) const;
+  void advance(HostRows& y, Index rows, const HostThreads&, Eigen::Ref<Vector> z) const;
   /// v_j += C E^{j-1} z for rows 1 .. rows. Returns the last row that was changed; 0: none.
-  Index add(const Vector& z, Index rows, const HostThreads&, HostRows& v) const;
+  Index add(const Eigen::Ref<const Vector>& z, Index rows, const HostThreads&, HostRows& v) const;
   /// Values of a state that outlive `steps` steps.
   std::vector<Index> lasting(Index steps) const;
-  /// values <- E^steps values, for those values of a state.
-  void carry(const std::vector<Index>& which, Index steps, Vector& values) const;
+  /// E^steps for those values of a state.
+  Eigen::DiagonalMatrix<double, Eigen::Dynamic> power(const std::vector<Index>& which, Index steps) const;
 
  private:
   Index K_, n_;
+  struct Bunch;
+  template <class Body>
+  void in_bunches(const HostThreads&, const Body&) const;
+
   RowMatrix decay_, output_, start_, initial_;
-  Vector slowest_;  ///< of each mode
+  std::shared_ptr<const std::vector<Bunch>> bunches_;  ///< of neighbouring modes, ready for vectors
 };
 
 /// The recurrence of a rank. Where row 0 is a copy of another rank's row, its part in the state comes by message, x0
@@ -57,11 +62,11 @@ class DenseState {
   explicit DenseState(const DenseRecurrence& r);
 
   Index size() const { return r_.decay.rows(); }
-  Vector start(const double* y0) const;
-  void advance(HostRows& y, Index rows, const HostThreads&, Vector& z) const;
-  Index add(const Vector& z, Index rows, const HostThreads&, HostRows& v) const;
+  void start(const double* y0, Eigen::Ref<Vector> z) const;
+  void advance(HostRows& y, Index rows, const HostThreads&, Eigen::Ref<Vector> end) const;
+  Index add(const Eigen::Ref<const Vector>& z, Index rows, const HostThreads&, HostRows& v) const;
   std::vector<Index> lasting(Index steps) const;
-  void carry(const std::vector<Index>& which, Index steps, Vector& values) const;
+  Matrix power(const std::vector<Index>& all, Index steps) const;
 
  private:
   DenseRecurrence r_;

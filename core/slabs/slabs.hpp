@@ -36,7 +36,11 @@ struct Slabs {
   bool operator==(const Slabs& other) const { return ends == other.ends && steps == other.steps; }
 };
 
-/// Of arrays with `rows` rows.
+/// Of arrays with `rows` rows. Ends are even where the number of steps is: an array with two stages in each step has
+/// both in one slab.
 Slabs slabs_of(Index rows, const Communicator&);
+
+/// Whether both grids are divided, and the ends of slabs are the same points of them.
+bool aligned(const Slabs& fine, const Slabs& coarse);
 
 }  // namespace bromwich

@@ -54,10 +54,10 @@ void validate_ranks(const Scene& scene, const Backend& backend, const Options& o
   const Index steps = options.steps > 0 ? options.steps : scene.default_steps;
   if (steps < ranks)
     throw Error("ranks", text("found %d for %ld steps", ranks, long(steps)), "use fewer ranks, or more steps");
-  if (options.method != Method::contour && options.method != Method::multigrid)
+  if (options.method != Method::contour && options.method != Method::multigrid && options.method != Method::dual)
     throw Error("method",
                 text("found %s on %d ranks, and it does not split over time", to_string(options.method), ranks),
-                "choose multigrid or contour, or run it on one rank");
+                "choose multigrid, contour or dual, or run it on one rank");
   if (options.max_seconds > 0)
     throw Error("max_seconds", text("is given on %d ranks, whose clocks differ", ranks), "leave it out");
 }

@@ -64,11 +64,12 @@ def solve(
     Args:
         scene: a :class:`Scene`; or none, and A, B, N, M, x0, T, f, g, E, ... by name as :class:`Scene` takes them.
         backend: ``"cpu"``, ``"cuda"``, or ``"auto"``: a CUDA device where it is predicted to be faster.
-        device: number of the CUDA device, as :func:`cuda_devices` lists them; None: the first one, and where ``ranks`` deal
-            out scenes, that of the rank's number on its machine.
+        device: number of the CUDA device, as :func:`cuda_devices` lists them; None: the first one, and with ``ranks`` that
+            of the rank's number on its machine.
         threads: of the host; 0: all cores, and with ``ranks`` a rank's share of them.
         ranks: a communicator of mpi4py, whose ranks call ``solve`` together with the same scene and options: each computes
-            a slab of the time points, and all get the whole result. For methods ``"multigrid"`` and ``"contour"``.
+            a slab of the time points, and all get the whole result. For methods ``"multigrid"``, ``"contour"``
+            and ``"dual"``.
         progress: True: after a second, one line with what is done and an estimate of the time left, on a terminal or
             in a notebook. Or a function, called as ``progress(done, total, change)`` now and then: steps done and all
             steps, or sweeps done, 0 and the change of the last sweep.

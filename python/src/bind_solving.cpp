@@ -40,7 +40,7 @@ std::shared_ptr<Machine> machine_of(const std::shared_ptr<PythonRanks>& ranks, c
                                     const Options& options, bool own = false) {
   if (!ranks) return machine_for(wanted, scene, options, own);
   check_same(*ranks, scene, options);
-  return machine_on_ranks(ranks, wanted);
+  return machine_on_ranks(ranks, wanted, scene, options);
 }
 
 std::shared_ptr<Answer> solve_once(std::shared_ptr<const Model> model, const Options& given, const Wanted& wanted,

@@ -8,7 +8,9 @@
 #include "cpu/cpu_backend.hpp"
 #include "kernels/cuda_plugin.hpp"
 
+#include <exception>
 #include <map>
+#include <string>
 #include <utility>
 
 namespace bromwich::python {
@@ -56,6 +58,36 @@ bool takes(const std::string& word, const Scene& scene, const Options& options, 
   return word == "cuda" || fits_on_device(scene, options.method, steps, components, cuda.device());
 }
 
+/// The processor, or the device of this rank where devices are asked for. All ranks throw where one does: the others
+/// would wait for it.
+std::unique_ptr<Backend> backend_of_rank(Communicator& ranks, const Wanted& wanted, const Scene& scene,
+                                         const Options& options) {
+  const auto& [word, given, number_here, threads] = wanted;
+  if (word == "auto" || word == "cpu") {
+    if (given)
+      throw Error("device", "is given on " + std::to_string(ranks.size()) + " ranks with backend '" + word + "'",
+                  "use the backend cuda, or leave it out");
+    return make_cpu_backend(threads);
+  }
+  std::unique_ptr<Backend> made;
+  std::exception_ptr error;
+  try {
+    if (word == "cuda" && !cuda_plugin_missing().empty())
+      throw Error("backend", "found 'cuda' but " + cuda_plugin_missing(), "use cpu", ErrorKind::device);
+    const Index components = Index(recorded_components(scene, options).size());
+    made = app::choose_backend(word, scene, options, components, threads, true, app::device_number(given, number_here));
+  } catch (const Error&) {
+    error = std::current_exception();
+  }
+  Vector failed = Vector::Constant(1, error ? 1 : 0);
+  ranks.maximum(failed);
+  if (error) std::rethrow_exception(error);
+  if (failed[0] > 0)
+    throw Error("backend", "found '" + word + "', which another rank does not have", "see what it reports, or use cpu",
+                ErrorKind::device);
+  return made;
+}
+
 }  // namespace
 
 std::shared_ptr<Machine> machine_for(const Wanted& wanted, const Scene& scene, const Options& options, bool own) {
@@ -79,14 +111,9 @@ std::shared_ptr<Machine> machine_for(const Wanted& wanted, const Scene& scene, c
   return made;
 }
 
-std::shared_ptr<Machine> machine_on_ranks(std::shared_ptr<Communicator> ranks, const Wanted& wanted) {
-  if (wanted.backend != "auto" && wanted.backend != "cpu")
-    throw Error("backend", "found '" + wanted.backend + "' on " + std::to_string(ranks->size()) + " ranks",
-                "use cpu: devices do not share the time points of a scene");
-  if (wanted.device)
-    throw Error("device", "is given on " + std::to_string(ranks->size()) + " ranks",
-                "leave it out: devices do not share the time points of a scene");
-  auto divided = make_slab_backend(make_cpu_backend(wanted.threads), *ranks);
+std::shared_ptr<Machine> machine_on_ranks(std::shared_ptr<Communicator> ranks, const Wanted& wanted, const Scene& scene,
+                                          const Options& options) {
+  auto divided = make_slab_backend(backend_of_rank(*ranks, wanted, scene, options), *ranks);
   return std::make_shared<Machine>(std::move(divided), std::move(ranks));
 }
 

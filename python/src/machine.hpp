@@ -36,8 +36,8 @@ struct Wanted {
 /// is using it or `own` asks for one that nobody else has. Throws Error, naming `device`, where there is no such one.
 std::shared_ptr<Machine> machine_for(const Wanted&, const Scene&, const Options&, bool own = false);
 
-/// The time points of a processor divided among ranks. Throws Error, naming `backend`, for words that want a device.
-std::shared_ptr<Machine> machine_on_ranks(std::shared_ptr<Communicator>, const Wanted&);
+/// The time points of processors, or of the device that each rank has, divided among ranks. "auto" takes processors.
+std::shared_ptr<Machine> machine_on_ranks(std::shared_ptr<Communicator>, const Wanted&, const Scene&, const Options&);
 
 /// For what is asked of a result later, by any rank alone.
 std::shared_ptr<Machine> machine_of_result(const std::shared_ptr<Machine>&, const Scene&, const Options&, int threads);

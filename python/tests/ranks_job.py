@@ -24,7 +24,13 @@ def near(found, expected):
 
 def divided():
     options = dict(steps=1024, iteration_tol=1e-14)
-    for scene, method in ((scene_of(), "contour"), (scene_of(), "multigrid"), (bromwich.scene("signorini", Q=15), "multigrid")):
+    contact = bromwich.scene("contact", Q=7)
+    for scene, method in (
+        (scene_of(), "contour"),
+        (scene_of(), "multigrid"),
+        (bromwich.scene("signorini", Q=15), "multigrid"),
+        (contact, "dual"),
+    ):
         alone = bromwich.solve(scene, method=method, threads=1, **options)
         together = bromwich.solve(scene, method=method, ranks=comm, threads=1, **options)
         again = bromwich.solve(scene, method=method, ranks=comm, threads=1, **options)
@@ -67,8 +73,8 @@ def refused(work, *words):
 
 def refusals():
     scene = scene_of()
-    refused(lambda: bromwich.solve(scene, steps=256, ranks=comm), "method", "auto", "multigrid or contour")
-    refused(lambda: bromwich.solve(scene, steps=256, method="contour", ranks=comm, backend="cuda"), "backend", "cuda")
+    refused(lambda: bromwich.solve(scene, steps=256, ranks=comm), "method", "auto", "multigrid, contour or dual")
+    refused(lambda: bromwich.solve(scene, steps=256, method="contour", ranks=comm, backend="cuda"), "cuda")
     refused(lambda: bromwich.solve(scene, steps=256, method="contour", ranks=comm, stop=lambda: False), "stop")
     refused(lambda: bromwich.solve(scene, steps=1, method="contour", ranks=comm), "ranks", "1 steps")
     refused(lambda: bromwich.solve(scene, ranks=3), "ranks", "int", "mpi4py")
@@ -84,7 +90,17 @@ def devices(plugin):
     dealt = dict(ranks=comm, backend="cuda", threads=3)
     refused(lambda: bromwich.solve_batch(**one, **dealt), f"device: {comm.rank % 2} is at work")
     refused(lambda: bromwich.solve_batch(**one, **dealt, device=1), "device: 1 is at work")
-    refused(lambda: bromwich.solve(scene_of(), steps=256, method="contour", ranks=comm, device=0), "device: is given on")
+    options = dict(steps=256, iteration_tol=1e-14)
+    refused(lambda: bromwich.solve(scene_of(), method="contour", ranks=comm, device=0, **options), "device: is given on")
+    refused(lambda: bromwich.solve(scene_of(), method="contour", **dealt, **options), f"device: {comm.rank % 2} is at work")
+    for scene, method in ((scene_of(), "contour"), (bromwich.scene("signorini", Q=7), "multigrid"), (bromwich.scene("contact", Q=7), "dual")):
+        alone = bromwich.solve(scene, method=method, threads=1, backend="cpu", **options)
+        for threads in (1, 4):  # arrays of the host, and arrays that are not in its reach
+            together = bromwich.solve(scene, method=method, ranks=comm, backend="cuda", threads=threads, **options)
+            near(together.y, alone.y)
+            near(together.x, alone.x)
+    solver = bromwich.Solver(scene_of(), method="contour", ranks=comm, backend="cuda", threads=4, **options)
+    near(solver.solve().y, bromwich.solve(scene_of(), method="contour", threads=1, backend="cpu", **options).y)
 
 
 def lost():

@@ -44,7 +44,8 @@ R = {from = 0.5, to = 8, points = 40}
 a = [1, 2, 1.1, "1/2", 0.7, 1.5, 3, 4, 5, 6]
 """
 SOLVES = [("signorini", "Q=15", "1024", "multigrid"), ("signorini", "Q=15", "512", "contour"),
-          ("signorini3d", "Q=7", "512", "multigrid"), ("dlcp-small", None, "512", "multigrid")]
+          ("signorini3d", "Q=7", "512", "multigrid"), ("dlcp-small", None, "512", "multigrid"),
+          ("contact", "Q=7", "512", "dual")]
 
 
 def on(ranks, *words):
@@ -83,7 +84,7 @@ def same_solution(folder):
 def refusals():
     for words, line in [
             (words_of("dlcp-small", None, "256", "march"), "bromwich: method: found march on 2 ranks, and it does not split "
-             "over time; choose multigrid or contour, or run it on one rank"),
+             "over time; choose multigrid, contour or dual, or run it on one rank"),
             (words_of("dlcp-small", None, "1", "contour"), "bromwich: ranks: found 2 for 1 steps; use fewer ranks, or more steps"),
             ([*words_of("dlcp-small", None, "256", "auto"), "--checkpoint", "none.h5"], "bromwich: --checkpoint: method auto is no "
              "run from the start to the end; use --method contour or multigrid"),

@@ -2,6 +2,7 @@
 // Contacts that cycles in w solve.
 
 #include "core/catalogue/catalogue.hpp"
+#include "tests/support/reference.hpp"
 #include "tests/support/run.hpp"
 
 #include <cmath>
@@ -20,6 +21,24 @@ inline Result run_by_euler(const Scene& scene, Index steps) { return run(scene, 
 
 inline Scene compliant(double Q, double eps, double c = 0.05) {
   return make_scene("contact", {{"Q", Q}, {"eps", eps}, {"c", c}});
+}
+
+// Dense dynamics with y through N^T.
+inline Scene random_contact(std::uint32_t seed, Index m, Index n, double compliance) {
+  reference::Random random(seed);
+  const Matrix A = random.matrix(m, m) - 2.0 * Matrix::Identity(m, m), B = random.matrix(m, n);
+  Scene scene;
+  scene.name = "random";
+  scene.dynamics = DenseDynamics{A, B, B.transpose()};
+  scene.M = Matrix(compliance * Matrix::Identity(n, n));
+  scene.f = [m](double t, Eigen::Ref<Vector> f) {
+    for (Index i = 0; i < m; ++i) f[i] = std::cos(t + double(i));
+  };
+  scene.g = [n](double t, Eigen::Ref<Vector> g) {
+    for (Index i = 0; i < n; ++i) g[i] = std::cos(5 * t + 0.3 * double(i)) - 0.5;
+  };
+  scene.x0 = Vector::Zero(m);
+  return scene;
 }
 
 // The ratio of successive changes of w, mean of the cycles before rounding.

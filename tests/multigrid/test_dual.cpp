@@ -61,23 +61,6 @@ TEST(DualCycles, TakeSourcesAndAStart) {
   EXPECT_LE(distance(found.x, expected.x), same_y);
 }
 
-Scene random_contact(std::uint32_t seed, Index m, Index n, double compliance) {
-  Random random(seed);
-  const Matrix A = random.matrix(m, m) - 2.0 * Matrix::Identity(m, m), B = random.matrix(m, n);
-  Scene scene;
-  scene.name = "random";
-  scene.dynamics = DenseDynamics{A, B, B.transpose()};
-  scene.M = Matrix(compliance * Matrix::Identity(n, n));
-  scene.f = [m](double t, Eigen::Ref<Vector> f) {
-    for (Index i = 0; i < m; ++i) f[i] = std::cos(t + double(i));
-  };
-  scene.g = [n](double t, Eigen::Ref<Vector> g) {
-    for (Index i = 0; i < n; ++i) g[i] = std::cos(5 * t + 0.3 * double(i)) - 0.5;
-  };
-  scene.x0 = Vector::Zero(m);
-  return scene;
-}
-
 TEST(DualCycles, SolveDenseScenes) {
   for (const std::uint32_t seed : {1u, 2u, 3u, 4u})
     for (const double compliance : {0., 1e-3}) {

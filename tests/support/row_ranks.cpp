@@ -113,6 +113,19 @@ class RowBackend final : public Backend {
     fused_.face_transform = [this](const FaceBasis& basis, Index rows, Way way) {
       return inner_->face_transform(basis, rows, way);
     };
+    staged_.take_stages = [this](const Array& stages, Array& first, Array& second) {
+      inner_->take_stages(stages, first, second);
+    };
+    staged_.put_stages = [this](const Array& first, const Array& second, Array& stages) {
+      inner_->put_stages(first, second, stages);
+    };
+    staged_.sweep_stages = [this](const StageDivisors& d, const Array& r, const Array& v, Array& y) {
+      inner_->sweep_stages(d, r, v, y);
+    };
+    staged_.restrict_stages = [this](const Array& r, const Array& v, const Array& y, const Array& coarse_v,
+                                     Array& coarse_r, Array& coarse_y, Array& old) {
+      inner_->restrict_stages(r, v, y, coarse_v, coarse_r, coarse_y, old);
+    };
     fused_.slabs.move_rows = [this](const Array* from, Index first, Index ratio, Array& to, Index begin, Index count) {
       RowMatrix source, target;
       inner_->download(to, target);
