@@ -61,6 +61,13 @@ double ErrorEstimate::total() const {
   return discretisation + (std::isnan(kernel) ? 0 : kernel) + iteration + rounding;
 }
 
+void Seconds::add_around(double before, double behind) {
+  setup += before;
+  solve += behind;
+  other += behind;
+  total += before + behind;
+}
+
 Seconds operator+(const Seconds& a, const Seconds& b) {
   return {a.total + b.total,
           a.setup + b.setup,

@@ -23,6 +23,9 @@ struct Seconds {
   double lcp = 0, convolution = 0, transform = 0, other = 0;  ///< parts of `solve`
   double sweeps = 0;         ///< of `solve`: the functional iteration after its first batch, all parts
   double certification = 0;  ///< of `other`: checks of the result, with the solves that confirm it
+
+  /// What was done around a solve: before it, as set-up, and behind it, as `other`.
+  void add_around(double before, double behind);
 };
 Seconds operator+(const Seconds&, const Seconds&);
 

@@ -353,11 +353,7 @@ Result solve_in_natural_units(const Scene& scene, Backend& backend, const InnerO
   if (scene.boundary && result.x_components.size() == std::size_t(scene.states()))
     select_components(recorded_components(scene, options), result);
   if (!options.trace) result.trace.resize(0, 0);
-  const double behind = timer.lap();
-  result.seconds.setup += before;
-  result.seconds.solve += behind;
-  result.seconds.other += behind;
-  result.seconds.total += before + behind;
+  result.seconds.add_around(before, timer.lap());
   return result;
 }
 

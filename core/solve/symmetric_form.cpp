@@ -115,11 +115,7 @@ std::optional<Result> solve_in_symmetric_form(const Scene& scene, Backend& backe
   if (!std::isnan(result.residual))
     if (const double residual = stated_residual(scene, result); !std::isnan(residual)) result.residual = residual;
   if (!options.trace) result.trace.resize(0, 0);
-  const double behind = timer.lap();
-  result.seconds.setup += before;
-  result.seconds.solve += behind;
-  result.seconds.other += behind;
-  result.seconds.total += before + behind;
+  result.seconds.add_around(before, timer.lap());
   return result;
 }
 
