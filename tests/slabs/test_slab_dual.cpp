@@ -18,7 +18,7 @@ namespace {
 
 using reference::Random;
 
-struct Case {
+struct DualCase {
   const char* name;
   Scene scene;
   Index steps;
@@ -26,7 +26,7 @@ struct Case {
 };
 
 // M = 0 in modes, with a start and a source through B; a dense scene; entries of a matrix by shared poles.
-std::vector<Case> cases() {
+std::vector<DualCase> dual_cases() {
   Scene driven = compliant(7, 0);
   for (Index i = 0; i < driven.x0.size(); ++i) driven.x0[i] = 0.1 + 0.05 * std::sin(double(i));
   driven.f = [](double t, Eigen::Ref<Vector> phi) {
@@ -44,7 +44,7 @@ std::vector<Case> cases() {
           {"dense", random_contact(1, 4, 2, 1e-3), 512, true}};
 }
 
-Options options_of(const Case& one) {
+Options options_of(const DualCase& one) {
   Options options = options_for(Method::dual, one.steps);
   options.iteration_tolerance = 1e-14;
   options.tuning.dual_by_euler = one.by_euler;
@@ -53,7 +53,7 @@ Options options_of(const Case& one) {
 
 // The same w to rounding of sums in another order; V_0 is below 1e2 here, as much as y = V w + s has of it.
 TEST(SlabDual, FindsTheSolutionOfOneRank) {
-  for (const Case& one : cases()) {
+  for (const DualCase& one : dual_cases()) {
     const Options options = options_of(one);
     const Result expected = run(one.scene, options);
     ASSERT_EQ(expected.status, Status::solved) << one.name << ": " << expected.reason;
@@ -78,7 +78,7 @@ TEST(SlabDual, FindsTheSolutionOfOneRank) {
 
 // The same on arrays that are not in reach of the host, whose rows travel by themselves.
 TEST(SlabDual, FindsTheSolutionWhereRowsTravel) {
-  for (const Case& one : cases()) {
+  for (const DualCase& one : dual_cases()) {
     if (one.steps > 720) continue;
     const Options options = options_of(one);
     const Result expected = run(one.scene, options);
