@@ -24,13 +24,8 @@ def near(found, expected):
 
 def divided():
     options = dict(steps=1024, iteration_tol=1e-14)
-    contact = bromwich.scene("contact", Q=7)
-    for scene, method in (
-        (scene_of(), "contour"),
-        (scene_of(), "multigrid"),
-        (bromwich.scene("signorini", Q=15), "multigrid"),
-        (contact, "dual"),
-    ):
+    field, contact = bromwich.scene("signorini", Q=15), bromwich.scene("contact", Q=7)
+    for scene, method in ((scene_of(), "contour"), (scene_of(), "multigrid"), (field, "multigrid"), (contact, "dual")):
         alone = bromwich.solve(scene, method=method, threads=1, **options)
         together = bromwich.solve(scene, method=method, ranks=comm, threads=1, **options)
         again = bromwich.solve(scene, method=method, ranks=comm, threads=1, **options)
@@ -93,7 +88,10 @@ def devices(plugin):
     options = dict(steps=256, iteration_tol=1e-14)
     refused(lambda: bromwich.solve(scene_of(), method="contour", ranks=comm, device=0, **options), "device: is given on")
     refused(lambda: bromwich.solve(scene_of(), method="contour", **dealt, **options), f"device: {comm.rank % 2} is at work")
-    for scene, method in ((scene_of(), "contour"), (bromwich.scene("signorini", Q=7), "multigrid"), (bromwich.scene("contact", Q=7), "dual")):
+    lacking = "device: found 2" if comm.rank == 2 else "which another rank does not have"
+    refused(lambda: bromwich.solve(scene_of(), method="contour", ranks=comm, backend="cuda", threads=1, device=comm.rank, **options), lacking)
+    field, contact = bromwich.scene("signorini", Q=7), bromwich.scene("contact", Q=7)
+    for scene, method in ((scene_of(), "contour"), (field, "multigrid"), (contact, "dual")):
         alone = bromwich.solve(scene, method=method, threads=1, backend="cpu", **options)
         for threads in (1, 4):  # arrays of the host, and arrays that are not in its reach
             together = bromwich.solve(scene, method=method, ranks=comm, backend="cuda", threads=threads, **options)
