@@ -93,8 +93,8 @@ class Layers {
     }
   }
 
-  bool all_;     ///< jumps, not only impulses
-  double step_;  ///< of the grid: layers behind impulses are divided up to this distance
+  bool all_;                             ///< jumps, not only impulses
+  double step_;                          ///< of the grid: layers behind impulses are divided up to this distance
   static constexpr double stiff = 0.05;  ///< ||A|| h above which a step does not resolve the layer
   static constexpr double shortest = 0x1p-30;
   static constexpr Index most_states = 64;         ///< every part length has its own factorization

@@ -114,9 +114,9 @@ TEST(Trust, MarchJumpsOntoTheConstraintsOfAPassiveScene) {
   for (const std::uint32_t seed : {16000035u, 16000046u, 16000002u}) EXPECT_LE(error_of_x(seed, 400), 0.05) << seed;
 }
 
-// x0 violates the constraints, or g jumps inside steps. An implicit Euler step of the whole step after the impulse misses
-// a state that changes as fast as the step by 10 % and more. Parts twice as long as their distance to the impulse leave
-// 3 % of it.
+// x0 violates the constraints, or g jumps inside steps. An implicit Euler step of the whole step after the impulse
+// misses a state that changes as fast as the step by 10 % and more. Parts twice as long as their distance to the
+// impulse leave 3 % of it.
 TEST(Trust, GivenStepsFollowTheStateBehindAnImpulse) {
   for (const std::uint32_t seed : {40000000u, 40000132u, 40000461u, 40000573u, 40000583u, 40000639u, 40000694u})
     EXPECT_LE(error_of_x(seed, 100), 0.05) << seed;

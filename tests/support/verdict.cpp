@@ -286,8 +286,7 @@ class Judge {
     ++jumps_;
     verdict_.violation = std::max(verdict_.violation, as_euler);
     const auto stages = step_solution(s_, p, y(j).replicate(2, 1));
-    if (stages && unique_ &&
-        !jumps(s_, h_, *stages, x(j - 1), p.free + p.drive * *stages, regular_, 0.999) &&
+    if (stages && unique_ && !jumps(s_, h_, *stages, x(j - 1), p.free + p.drive * *stages, regular_, 0.999) &&
         largest(x(j - 1)) > carried * before_)
       return fails(text("step %ld was taken by Euler without a jump", long(j)));
     return true;
