@@ -123,6 +123,8 @@ class GoalSolve {
     std::vector<double> breaks = options_.tolerance > 0 ? find_breakpoints(scene_) : scene_.breakpoints;
     const std::vector<double> sampled = input_jumps(*scene_.port, scene_.T);
     breaks.insert(breaks.end(), sampled.begin(), sampled.end());
+    const std::vector<double> of_quantity = quantity_->breakpoints();
+    breaks.insert(breaks.end(), of_quantity.begin(), of_quantity.end());
     std::erase_if(breaks, [this](double t) { return t <= 0 || t >= scene_.T; });
     std::sort(breaks.begin(), breaks.end());
     const double apart = 64 * epsilon * scene_.T;

@@ -27,20 +27,25 @@ PortHamiltonian oscillator(TimeFunction u) {
   return port;
 }
 
-// x_0(T) by method goal to the tolerance.
-double found_end(TimeFunction u, StepScheme scheme, double tolerance) {
-  QuadraticQuantity quantity;
-  quantity.end_c = Vector{{1, 0}};
+// By method goal to the tolerance.
+double found_quantity(const Scene& scene, const QuadraticQuantity& quantity, StepScheme scheme, double tolerance) {
   GoalOptions goal;
   goal.scheme = scheme;
-  goal.quantity = quadratic_quantity(quantity, 2);
+  goal.quantity = quadratic_quantity(quantity, scene.states());
   Options options;
   options.method = Method::goal;
   options.tolerance = tolerance;
   options.goal = std::make_shared<GoalOptions>(goal);
-  const Result r = run(make_scene(oscillator(std::move(u)), Vector::Zero(2), T), options);
+  const Result r = run(scene, options);
   EXPECT_EQ(r.status, Status::solved) << r.reason;
   return r.goal->history.back().quantity;
+}
+
+// x_0(T) from rest.
+double found_end(TimeFunction u, StepScheme scheme, double tolerance) {
+  QuadraticQuantity quantity;
+  quantity.end_c = Vector{{1, 0}};
+  return found_quantity(make_scene(oscillator(std::move(u)), Vector::Zero(2), T), quantity, scheme, tolerance);
 }
 
 // x_0 = Re x of x' = (-1/10 + 5i) x + u: (e^{a (T - from)} - e^{a (T - to)}) / a for u = 1 on (from, to).
@@ -72,6 +77,27 @@ TEST(GoalTolerance, IsKeptWithShortPulses) {
       const auto u = [=](double t, Eigen::Ref<Vector> value) { value[0] = t >= from && t < to ? 1 / width : 0; };
       EXPECT_NEAR(found_end(u, scheme, 1e-3), end_of_pulse(from, to) / width, 1e-3) << width;
     }
+}
+
+// x = e^-t with weights c(t) that only a quadrature sees: sin(60 t), and pulses of 3/1000 every 1/100.
+TEST(GoalTolerance, IsKeptWithWeightsThatVary) {
+  PortHamiltonian port;
+  port.J = SparseMatrix(1, 1);
+  port.R = SparseMatrix(Matrix{{1}}.sparseView());
+  QuadraticQuantity sine, pulses;
+  sine.c = [](double t, Eigen::Ref<Vector> c) { c[0] = std::sin(60 * t); };
+  pulses.c = [](double t, Eigen::Ref<Vector> c) { c[0] = 100 * t - std::floor(100 * t) < 0.3 ? 1 : 0; };
+  const std::complex<double> b(-1, 60);
+  double of_pulses = 0;
+  for (int k = 0; k < 300; ++k) {
+    pulses.breakpoints.insert(pulses.breakpoints.end(), {k / 100.0, (k + 0.3) / 100});
+    of_pulses += std::exp(-k / 100.0) - std::exp(-(k + 0.3) / 100);
+  }
+  const Scene scene = make_scene(port, Vector{{1}}, T);
+  for (const StepScheme scheme : {StepScheme::euler, StepScheme::midpoint, StepScheme::exponential}) {
+    EXPECT_NEAR(found_quantity(scene, sine, scheme, 1e-4), ((std::exp(b * T) - 1.0) / b).imag(), 1e-4);
+    EXPECT_NEAR(found_quantity(scene, pulses, scheme, 1e-3), of_pulses, 1e-3);
+  }
 }
 
 }  // namespace
