@@ -67,6 +67,7 @@ std::shared_ptr<const QuantityOfInterest> read_quantity(const Section& section, 
   const FunctionValue c = section.function("c", scene.T);
   require_entries(c, scene.states(), section.where("c"), "one per state");
   q.c = c.function;
+  q.breakpoints = c.switches.times;
   q.exact = section.optional_number("exact");
   std::shared_ptr<const QuantityOfInterest> quantity;
   const auto in_quantity = [&] {

@@ -55,6 +55,7 @@ GoalEvaluation ConstrainedGoal::evaluate(const Vector& t) {
   e.indicators = indicator_scale(scheme, *quantity_) * weighted_residual(backend_, chain.problem, chain.d, fine_x,
                                                                          quantity_->gradient(fine), goal_.weights, l,
                                                                          goal_.adjoint);
+  add_quadrature_errors(*quantity_, path, fine, e.indicators);
   return e;
 }
 

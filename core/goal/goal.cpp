@@ -13,6 +13,7 @@
 #include "core/goal/cost.hpp"
 #include "core/goal/grid_adaptation.hpp"
 #include "core/goal/indicators.hpp"
+#include "core/scene/breakpoints.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -116,12 +117,28 @@ class GoalSolve {
     refuse_goal_beyond(options_.memory_limit, cost(cells, sizes), system_, cells, sizes);
   }
 
+  /// Where sources jump or have a kink: as far as the scene knows, as samples show and, with a tolerance, by the search
+  /// of other methods.
+  std::vector<double> grid_breaks() const {
+    std::vector<double> breaks = options_.tolerance > 0 ? find_breakpoints(scene_) : scene_.breakpoints;
+    const std::vector<double> sampled = input_jumps(*scene_.port, scene_.T);
+    breaks.insert(breaks.end(), sampled.begin(), sampled.end());
+    const std::vector<double> of_quantity = quantity_->breakpoints();
+    breaks.insert(breaks.end(), of_quantity.begin(), of_quantity.end());
+    std::erase_if(breaks, [this](double t) { return t <= 0 || t >= scene_.T; });
+    std::sort(breaks.begin(), breaks.end());
+    const double apart = 64 * epsilon * scene_.T;
+    const auto same = [apart](double a, double b) { return b - a <= apart; };
+    breaks.erase(std::unique(breaks.begin(), breaks.end(), same), breaks.end());
+    return breaks;
+  }
+
   /// The limits that follow from the memory: the number of cells, and the bytes for products of steps, which is what
   /// the requested grid leaves.
   GridBounds limit_cells(Index first) {
     GridBounds bounds;
     bounds.default_cells = scene_.default_steps;
-    bounds.breaks = input_jumps(*scene_.port, scene_.T);
+    bounds.breaks = grid_breaks();
     const double limit = options_.memory_limit;
     if (!(limit > 0)) return bounds;
     const Index affordable = most_goal_cells(system_, goal_.scheme, scene_.constraints(), expected_sizes, limit);

@@ -196,33 +196,53 @@ Vector bisected(const Vector& t, const std::vector<Index>& marked) {
 
 namespace {
 
+/// All cells halved, the first ones if that is too many.
+Vector halved(const Vector& t, Index limit) {
+  const Index cells = t.size() - 1;
+  std::vector<Index> all(std::size_t(std::min(cells, limit - cells)));
+  std::iota(all.begin(), all.end(), Index(0));
+  return bisected(t, all);
+}
+
 Vector refined_grid(const AdaptedGrid& grid, const GoalOptions& goal, int q, Index limit,
                     const std::vector<double>& breaks) {
   const Index cells = grid.t.size() - 1, most = limit - cells;
   const Vector& indicators = grid.last.indicators;
-  if (grid.last.blind) {
-    std::vector<Index> all(std::size_t(std::min(cells, most)));
-    std::iota(all.begin(), all.end(), Index(0));
-    return bisected(grid.t, all);
-  }
+  if (grid.last.blind) return halved(grid.t, limit);
   if (goal.refinement == Refinement::division)
     return divided(grid.t, indicators, q, std::min(2 * cells, limit), breaks);
   return bisected(
       grid.t, goal.marking > 0 ? marked_cells(indicators, goal.marking, most) : economical_cells(indicators, q, most));
 }
 
-/// Whether the last grid meets the tolerance: by its estimate, and by its error where that is known.
-bool meets(double tolerance, const AdaptedGrid& grid, std::optional<double> exact) {
-  const GoalCycle& last = grid.history.back();
-  return tolerance > 0 && !grid.last.blind && std::abs(last.estimate) <= tolerance &&
-         (!exact || std::abs(last.quantity - *exact) <= tolerance);
+/// What the sum of the last indicators may miss. Large ones of both signs cancel by chance, also where each is off by a
+/// large share. The quantities of two grids less their estimates are the same value but for that: their difference is a
+/// share of the coarser grid's indicators. The largest share since the cells were an eighth is taken for the last grid.
+double doubt(const std::vector<GoalCycle>& history) {
+  constexpr Index fewer = 8;
+  double share = history.size() > 1 ? 0 : 1;
+  for (std::size_t k = history.size() - 1; k > 0 && fewer * history[k].cells > history.back().cells; --k) {
+    const GoalCycle &coarse = history[k - 1], &fine = history[k];
+    const double apart = std::abs((fine.quantity - fine.estimate) - (coarse.quantity - coarse.estimate));
+    if (apart > 0) share = std::max(share, apart / coarse.absolute);
+  }
+  return share > 0 ? std::min(share, 1.) * history.back().absolute : 0;
 }
 
-void miss(double tolerance, AdaptedGrid& grid) {
+/// Whether the last grid meets the tolerance: by its error where that is known, otherwise by its estimate and what that
+/// may miss.
+bool meets(double tolerance, const AdaptedGrid& grid, std::optional<double> exact) {
+  const GoalCycle& last = grid.history.back();
+  if (!(tolerance > 0) || grid.last.blind) return false;
+  const double more = exact ? 0 : doubt(grid.history);
+  return std::abs(last.estimate) + more <= tolerance && (!exact || std::abs(last.quantity - *exact) <= tolerance);
+}
+
+void miss(double tolerance, AdaptedGrid& grid, std::optional<double> exact) {
   const GoalCycle& last = grid.history.back();
   grid.status = Status::tolerance_not_met;
   grid.reason = text("the error of the quantity is estimated at %.2g on %td cells, above the tolerance %.2g",
-                     std::abs(last.estimate), last.cells, tolerance);
+                     std::abs(last.estimate) + (exact ? 0 : doubt(grid.history)), last.cells, tolerance);
 }
 
 }  // namespace
@@ -236,6 +256,7 @@ AdaptedGrid adapt_grid(Vector t, const Options& options, const GoalOptions& goal
   const int q = quantity.order(order(goal.scheme));
   AdaptedGrid grid;
   Timer timer;
+  bool all_halved = false;
   for (grid.t = std::move(t);;) {
     grid.last = evaluate(grid.t);
     GoalCycle cycle = record(grid.last, exact);
@@ -249,7 +270,15 @@ AdaptedGrid adapt_grid(Vector t, const Options& options, const GoalOptions& goal
       grid.reason = text("the quantity or its estimate is not finite on %td cells", cycle.cells);
       return grid;
     }
-    if (meets(options.tolerance, grid, exact)) return grid;
+    if (meets(options.tolerance, grid, exact)) {
+      // A cell whose error its indicator does not see is not marked on any grid: all cells halved show it.
+      const bool confirmed = all_halved || exact || cycle.cells > limit / 2;
+      if (confirmed) return grid;
+      grid.t = halved(grid.t, limit);
+      all_halved = true;
+      continue;
+    }
+    all_halved = false;
     // At the requested number of cells the grid is divided once more: the previous one, with half as many cells, had
     // less accurate indicators.
     const bool full = cycle.cells >= limit, begun = grid.history.size() > 1;
@@ -258,7 +287,7 @@ AdaptedGrid adapt_grid(Vector t, const Options& options, const GoalOptions& goal
     const bool at_end = (full && !once_more) || Index(grid.history.size()) > cycles;
     Vector finer = at_end ? grid.t : refined_grid(grid, goal, q, limit, bounds.breaks);
     if (finer.size() == grid.t.size() && (!once_more || finer == grid.t)) {  // the end, or nothing left to refine
-      if (options.tolerance > 0) miss(options.tolerance, grid);
+      if (options.tolerance > 0) miss(options.tolerance, grid, exact);
       if (options.tolerance > 0 && options.steps == 0 && full)
         grid.reason += bounds.memory_bound ? "; more do not fit the memory" : "; set steps to allow more";
       return grid;

@@ -42,16 +42,25 @@ double indicator_scale(StepScheme scheme, const QuantityOfInterest& quantity) {
   return -quantity.secant() / (1 - std::exp2(-order(scheme)));
 }
 
+void add_quadrature_errors(const QuantityOfInterest& quantity, const Trajectory& coarse, const Trajectory& fine,
+                           Vector& indicators) {
+  const Vector here = quantity.integrals(coarse);
+  if (here.size() > 0) indicators += (here - quantity.integrals(fine)) / (1 - std::exp2(-order(coarse.scheme)));
+}
+
 Vector goal_indicators(const Trajectory& path, Backend& backend, const QuantityOfInterest& quantity,
                        CellWeights weights, const RowMatrix& l, const AdjointChoice& choice) {
   const PortSystem& system = path.system;
   const Vector t = halved(path.t);
   const RowMatrix x = prolonged(path);
-  const RowMatrix gradient = quantity.gradient({system, path.scheme, t, x, 2 * path.per_cell, nullptr, &backend});
+  const Trajectory fine{system, path.scheme, t, x, 2 * path.per_cell, nullptr, &backend};
+  const RowMatrix gradient = quantity.gradient(fine);
   const StepChainProblem problem = system.step_problem(path.scheme, group_steps(t));
   const RowMatrix d = step_sources(system, path.scheme, t, path.x.row(0).transpose(), &backend);
-  return indicator_scale(path.scheme, quantity) *
-         weighted_residual(backend, problem, d, x, gradient, weights, l, choice);
+  Vector indicators =
+      indicator_scale(path.scheme, quantity) * weighted_residual(backend, problem, d, x, gradient, weights, l, choice);
+  add_quadrature_errors(quantity, path, fine, indicators);
+  return indicators;
 }
 
 }  // namespace bromwich

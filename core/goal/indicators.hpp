@@ -22,4 +22,9 @@ Vector weighted_residual(Backend&, const StepChainProblem& fine, const RowMatrix
 /// The factor from those sums to indicators.
 double indicator_scale(StepScheme, const QuantityOfInterest&);
 
+/// Adds to the indicators what the quadrature of an integral on the cells misses: its change from x_h to P x_h, over
+/// 1 - 2^-p.
+void add_quadrature_errors(const QuantityOfInterest&, const Trajectory& coarse, const Trajectory& fine,
+                           Vector& indicators);
+
 }  // namespace bromwich

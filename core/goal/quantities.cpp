@@ -107,6 +107,14 @@ class User : public QuantityOfInterest {
     each_node(path, [&](double t, double weight, const Vector& x, Index) { sum += weight * q_.density(t, x); });
     return q_.end ? sum + q_.end(path.t[path.steps()], path.x.row(path.steps()).transpose()) : sum;
   }
+  Vector integrals(const Trajectory& path) const override {
+    if (!q_.density) return {};
+    Vector of_steps = Vector::Zero(path.steps());
+    each_node(path,
+              [&](double t, double weight, const Vector& x, Index i) { of_steps[i] += weight * q_.density(t, x); });
+    return per_cell(path, of_steps);
+  }
+  std::vector<double> breakpoints() const override { return q_.breakpoints; }
   RowMatrix gradient(const Trajectory& path) const override {
     RowMatrix gradient = RowMatrix::Zero(path.steps() + 1, path.x.cols()), g(path.steps(), path.x.cols());
     each_node(
@@ -166,7 +174,7 @@ std::shared_ptr<const QuantityOfInterest> quadratic_quantity(const QuadraticQuan
     if (c) c(t, value);
     return value;
   };
-  UserQuantity user{q.name, {}, {}, {}, {}, q.exact};
+  UserQuantity user{q.name, {}, {}, {}, {}, q.breakpoints, q.exact};
   if (q.W.size() > 0 || q.c) {
     user.density = [=, W = q.W](double t, const Vector& x) { return square(W, x) + c(t).dot(x); };
     user.density_gradient = [=, W = q.W](double t, const Vector& x) { return Vector(slope(W, x) + c(t)); };

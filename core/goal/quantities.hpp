@@ -7,6 +7,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 namespace bromwich {
 
@@ -30,6 +31,11 @@ class QuantityOfInterest {
   virtual double secant() const { return 1; }
   /// q such that halving a cell reduces its contribution by 2^-q, for a reconstruction of order p.
   virtual int order(int p) const { return p; }
+  /// The contribution of each cell to an integral that value() has by the quadrature of the scheme, whose error is not
+  /// one of x; empty: there is none.
+  virtual Vector integrals(const Trajectory&) const { return {}; }
+  /// Times in [0, T] where such an integrand jumps or has a kink: points of the grid.
+  virtual std::vector<double> breakpoints() const { return {}; }
   /// Rounding error of value(): a few eps of its terms; 0 if not known.
   virtual double rounding(const Trajectory&) const { return 0; }
   /// All at once; the gradient if requested.
@@ -50,6 +56,7 @@ struct UserQuantity {
   std::string name = "user";
   std::function<double(double t, const Vector&x)> density, end;  ///< `end` is called with t = T
   std::function<Vector(double t, const Vector&x)> density_gradient, end_gradient;
+  std::vector<double> breakpoints;  ///< of the density
   std::optional<double> exact;
 };
 /// Throws Error if a function is given without its gradient, or if both are omitted.
@@ -58,9 +65,10 @@ std::shared_ptr<const QuantityOfInterest> user_quantity(UserQuantity);
 /// ∫ (x^T W x + c(t)^T x) dt + x(T)^T end_W x(T) + end_c^T x(T); empty members are 0.
 struct QuadraticQuantity {
   std::string name = "user";
-  SparseMatrix W, end_W;  ///< m x m
-  TimeFunction c;         ///< m values
-  Vector end_c;           ///< m
+  SparseMatrix W, end_W;            ///< m x m
+  TimeFunction c;                   ///< m values
+  Vector end_c;                     ///< m
+  std::vector<double> breakpoints;  ///< of c
   std::optional<double> exact;
 };
 /// Throws Error if all members are empty or a member has the wrong size; names the member.

@@ -14,6 +14,7 @@ namespace bromwich {
 namespace {
 
 constexpr std::size_t most_contacts = 64;  ///< divided steps; more contacts mean chattering
+constexpr double brief = 0x1p-20;          ///< of a step: parts for impulses
 
 StageGrid whole_steps(const DiscreteProblem& p) {
   StageGrid grid{p.t, {}, {}, {}, std::vector<Index>(std::size_t(p.J) + 1), {}, {}};
@@ -23,30 +24,35 @@ StageGrid whole_steps(const DiscreteProblem& p) {
 }
 
 // Divides steps after jumps into parts. An impulse gets a part of its own: within a longer step it may be undone before
-// the first stage.
+// the first stage, and implicit Euler takes the whole step with it.
 //
 // After a jump of the state or of f, and at the start, the state has a boundary layer of width 1/||A||, and y follows
-// it. The layer is resolved by geometrically growing parts, more of them on finer grids. Used only for grids whose
-// error is controlled; a grid given by the user is used as it is.
+// it. The layer is resolved by geometrically growing parts, more of them on finer grids. A grid given by the user is
+// divided behind impulses only, in the step after them.
 class Layers {
  public:
-  Layers(const DiscreteProblem& p, bool wanted) {
-    if (!wanted || !p.small_state() || p.scene.states() > most_states) return;
+  Layers(const DiscreteProblem& p, LayersOf which) : all_(which == LayersOf::all_jumps), step_(p.h) {
+    if (which == LayersOf::nothing || !p.small_state()) return;
+    const bool affords_layers = p.scene.states() <= most_states;
+    if (all_ && !affords_layers) return;
     const double rate = p.small_state()->A.cwiseAbs().rowwise().sum().maxCoeff();
     start_ = p.t[0];
-    begin_.insert(start_);
-    if (p.sources) place_jumps(p);
+    const bool at_start = all_ || which == LayersOf::impulses_and_start;
+    if (at_start) begin_.insert(start_);
+    if (p.sources && (all_ || !takes_limits_at_points(p))) place_jumps(p);
+    if (begin_.empty()) return;
     const Index count = Index(begin_.size());
     first_ = 0.1 / (std::max(rate, 1 / p.h) * double(p.J));
-    if (!(rate * p.h > stiff)) return;
+    if (!all_) first_ = std::max(first_, brief * p.h);
+    if (!affords_layers || !(rate * p.h > stiff)) return;
     const double factorization = std::pow(double(p.scene.states() + p.scene.constraints()), 3);
-    const Index affordable = std::max(p.J, Index(cheap / factorization));
+    const Index affordable = all_ ? std::max(p.J, Index(cheap / factorization)) : std::max(p.J, fewest);
     const auto growth = [&](Index layers) {
       if (fewest * layers > affordable) return double(INFINITY);
       return typical_decades / double(std::clamp(p.J / (4 * layers), fewest, most));
     };
     growth_ = growth(count);
-    growth_at_start_ = std::isfinite(growth_) ? growth_ : growth(1);
+    growth_at_start_ = std::isfinite(growth_) || !at_start ? growth_ : growth(1);
   }
 
   bool none() const { return begin_.empty(); }
@@ -59,7 +65,8 @@ class Layers {
       from = last_ + std::min(first_, to - from);
     }
     const double behind = from - last_, growth = last_ > start_ ? growth_ : growth_at_start_;
-    const double parts = std::ceil(std::log1p((to - from) / behind) / growth);
+    const bool over = !all_ && behind >= (1 - same_at_end) * step_;
+    const double parts = over ? 1 : std::ceil(std::log1p((to - from) / behind) / growth);
     for (double k = 1; k < parts; ++k) ends.push_back(last_ + behind * std::pow(1 + (to - from) / behind, k / parts));
     if (to > from) ends.push_back(to);
   }
@@ -77,7 +84,8 @@ class Layers {
       double from = p.t[rough.step - 1], before = p.h;
       for (const double to : rough.ends) {
         const bool behind_place = before <= shortest * p.h;  // parts this short enclose a located jump
-        if (behind_place || jumps(f, p.f, from, before, to - from) || jumps(g, p.g, from, before, to - from))
+        if ((all_ && (behind_place || jumps(f, p.f, from, before, to - from))) ||
+            jumps(g, p.g, from, before, to - from))
           begin_.insert(from);
         before = to - from;
         from = to;
@@ -85,6 +93,8 @@ class Layers {
     }
   }
 
+  bool all_;                             ///< jumps, not only impulses
+  double step_;                          ///< of the grid: layers behind impulses are divided up to this distance
   static constexpr double stiff = 0.05;  ///< ||A|| h above which a step does not resolve the layer
   static constexpr double shortest = 0x1p-30;
   static constexpr Index most_states = 64;         ///< every part length has its own factorization
@@ -132,9 +142,9 @@ class JumpsAtPoints {
 
   // `ends`: of the parts of step j, the last of which is its point.
   bool divide(Index j, std::vector<double>& ends) {
-    const double from = ends.size() > 1 ? ends[ends.size() - 2] : p_.t[j - 1], to = ends.back(), brief = 0x1p-20 * p_.h;
-    if (!jumps(j, to - from) || !(to - from > 4 * brief)) return false;
-    ends.insert(ends.end() - 1, {to - 2 * brief, to - brief});
+    const double from = ends.size() > 1 ? ends[ends.size() - 2] : p_.t[j - 1], to = ends.back(), part = brief * p_.h;
+    if (!jumps(j, to - from) || !(to - from > 4 * part)) return false;
+    ends.insert(ends.end() - 1, {to - 2 * part, to - part});
     return true;
   }
 
@@ -231,10 +241,11 @@ StageGrid steps_in_dyadic_parts(const DiscreteProblem& p, bool with_layers, cons
 
 bool takes_limits_at_points(const DiscreteProblem& p) { return has_one_solution(p.lcp_class); }
 
-StageGrid make_grid(const DiscreteProblem& p, Index stages, bool with_layers, const Contacts& contacts) {
+StageGrid make_grid(const DiscreteProblem& p, Index stages, LayersOf layers_of, const Contacts& contacts) {
   if (stages == 1) return whole_steps(p);
-  if (!p.small_state()) return p.sources ? steps_in_dyadic_parts(p, with_layers, contacts) : whole_steps(p);
-  Layers layers(p, with_layers);
+  const bool all = layers_of == LayersOf::all_jumps;
+  if (!p.small_state()) return p.sources ? steps_in_dyadic_parts(p, all, contacts) : whole_steps(p);
+  Layers layers(p, layers_of);
   if (!p.sources && layers.none()) return whole_steps(p);
   return steps_in_parts(p, layers, contacts);
 }

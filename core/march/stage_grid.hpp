@@ -35,8 +35,13 @@ using Contacts = std::map<Index, double>;
 /// Whether M determines y. g and y at points of the grid are then their limits from the left, and y jumps where g does.
 bool takes_limits_at_points(const DiscreteProblem&);
 
-/// With two stages. `with_layers`: parts resolve boundary layers, for grids whose error is controlled.
-StageGrid make_grid(const DiscreteProblem&, Index stages, bool with_layers, const Contacts& = {});
+/// The boundary layers that parts resolve: none; those behind impulses, which are at jumps of g inside steps if M
+/// leaves y to the dynamics; these and one at t = 0, where the state jumps; or those behind all jumps and at t = 0, for
+/// grids whose error is controlled.
+enum class LayersOf { nothing, impulses, impulses_and_start, all_jumps };
+
+/// With two stages.
+StageGrid make_grid(const DiscreteProblem&, Index stages, LayersOf, const Contacts& = {});
 
 /// The contacts of a march on a grid, `g` at its stages. Empty if steps are not divided, or if there are too many
 /// contacts. The time of a contact is predicted from the three rows before it.

@@ -236,7 +236,7 @@ void keep_points(const DiscreteProblem& p, const StageGrid& grid, const Given& g
 
 StageProblem smooth_stage_problem(const DiscreteProblem& p) {
   Given given;
-  state_problem(p, make_grid(p, 2, false), 2, {}, given);
+  state_problem(p, make_grid(p, 2, LayersOf::nothing), 2, {}, given);
   return std::move(given.problem);
 }
 
@@ -246,7 +246,8 @@ void solve_by_stages(const DiscreteProblem& p, Index stages, const InnerOptions&
   const Start start = solve_at_zero(p, result);
   if (start == Start::none) return;
   result.seconds.lcp += timer.lap();
-  StageGrid grid = make_grid(p, stages, options.compares_grids);
+  const LayersOf given_steps = start == Start::impulse ? LayersOf::impulses_and_start : LayersOf::impulses;
+  StageGrid grid = make_grid(p, stages, options.compares_grids ? LayersOf::all_jumps : given_steps);
   Given given;
   state_problem(p, grid, stages, options, given);
   given.problem.jumps_at_start = start == Start::impulse;
@@ -262,7 +263,7 @@ void solve_by_stages(const DiscreteProblem& p, Index stages, const InnerOptions&
     if (std::all_of(contacts.begin(), contacts.end(), known)) break;
     count(s.report, result);
     divided = std::move(contacts);
-    grid = make_grid(p, stages, true, divided);
+    grid = make_grid(p, stages, LayersOf::all_jumps, divided);
     state_problem(p, grid, stages, options, given);
     s = march_by_stages(given.problem, y0);
   }
