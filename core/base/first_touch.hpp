@@ -25,6 +25,17 @@ inline void ask_for_large_pages(double* values, std::size_t count) {
   if (begin < end) (void)madvise(reinterpret_cast<void*>(begin), end - begin, MADV_HUGEPAGE);
 }
 
+/// The same for values that will be written at once: their pages come in one call, where each of them would take a
+/// fault.
+inline void ask_for_pages([[maybe_unused]] double* values, [[maybe_unused]] std::size_t count) {
+#ifdef MADV_POPULATE_WRITE
+  constexpr std::uintptr_t page = 4096;
+  const auto begin = (std::uintptr_t(values) + page - 1) / page * page;
+  const auto end = std::uintptr_t(values + count) / page * page;
+  if (begin < end) (void)madvise(reinterpret_cast<void*>(begin), end - begin, MADV_POPULATE_WRITE);
+#endif
+}
+
 /// Touches the pages of `count` values from its construction to its destruction, which waits. Their contents are lost.
 class FirstTouch {
  public:

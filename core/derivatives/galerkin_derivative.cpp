@@ -29,8 +29,9 @@ const Scene& checked_for_galerkin(const Scene& scene, const Result& r) {
   if (r.method != Method::galerkin)
     refuse_galerkin(text("the result is of method %s", to_string(r.method)), "solve by galerkin");
   if (scene.dynamics->has_mass()) refuse_galerkin("the dynamics have a mass matrix", "give E^-1 A and E^-1 B");
-  if (!r.interval_rules.empty() ||
-      (scene.constraints() > 0 && !has_one_solution(selection_class(scene.M, scene.lcp_class))))
+  if (scene.constraints() == 0)
+    refuse_galerkin("the scene has no constraints", "add one that is never active: M = 1 and g = 1");
+  if (!r.interval_rules.empty() || !has_one_solution(selection_class(scene.M, scene.lcp_class)))
     refuse_galerkin("not differentiable here: y may jump, and the derivative of the discrete solution is not that of y",
                     "differentiate scenes with a continuous y (M of class P)");
   const Index N = r.t.size() - 1, n = scene.constraints();
@@ -77,7 +78,7 @@ GalerkinDerivative::GalerkinDerivative(const Scene& scene, const Result& result)
   SharedDynamics shared(scene.dynamics);
   p_ = galerkin_problem(scene, grid_parts(result.t), shared);
   x_ = galerkin_states(p_, z_);
-  if (n_ > 0 && !(natural_residual(p_, z_, x_, scene.free_rows) <= left_of_conditions))
+  if (!(natural_residual(p_, z_, x_, scene.free_rows) <= left_of_conditions))
     refuse_galerkin("the intervals of the result do not give its y", "solve without breakpoints inside intervals");
   for (const GalerkinRun& run : p_.runs) {
     const double h = length(run.first);

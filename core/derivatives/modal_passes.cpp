@@ -4,6 +4,7 @@
 #include "core/derivatives/modal_derivative.hpp"
 
 #include "core/base/error.hpp"
+#include "core/base/first_touch.hpp"
 #include "core/base/text.hpp"
 #include "core/derivatives/check_table.hpp"
 #include "core/derivatives/lcp_terms.hpp"
@@ -18,6 +19,14 @@ namespace bromwich {
 namespace {
 
 constexpr Index block = 64;  ///< time points
+
+// (J+1) x n values that a pass will write.
+RowMatrix to_be_written(Index rows, Index n) {
+  RowMatrix table(rows, n);
+  ask_for_pages(table.data(), std::size_t(table.size()));
+  return table;
+}
+
 static_assert(block % ModalStart::together == 0);
 
 }  // namespace
@@ -52,7 +61,7 @@ SolutionChange ModalDerivative::jvp(const DataChange& c, bool states) const {
   check_table("g", c.g, J_ + 1, n_);
   check_table("M", c.M, n_, n_);
   const RowMatrix x0 = c.x0.size() > 0 ? states_.modes_of(c.x0) : RowMatrix();
-  SolutionChange out{RowMatrix(J_ + 1, n_), RowMatrix(), RowMatrix(J_ + 1, n_), RowMatrix(J_ + 1, n_)};
+  SolutionChange out{to_be_written(J_ + 1, n_), RowMatrix(), to_be_written(J_ + 1, n_), to_be_written(J_ + 1, n_)};
   RowMatrix of_x0 = x0.size() > 0 ? start_.terms(x0) : RowMatrix(), all_u(states ? J_ + 1 : 0, n_);
   Vector terms;  // that add up to w(0)
   Pass at(convolution_, n_);
@@ -121,8 +130,8 @@ DataChange ModalDerivative::vjp(const SolutionChange& of) const {
   check_table("w", of.w, J_ + 1, n_);
   check_table("integral", of.integral, J_ + 1, n_);
   DataChange bar;
-  bar.g.resize(J_ + 1, n_);
-  bar.f.resize(J_ + 1, n_);
+  bar.g = to_be_written(J_ + 1, n_);
+  bar.f = to_be_written(J_ + 1, n_);
   bar.M = Matrix::Zero(n_, n_);
   RowMatrix of_u, of_x0, q = start_.nothing(), given;
   if (of.x.size() > 0) std::tie(of_u, of_x0) = states_.transposed(of.x);

@@ -130,28 +130,26 @@ TEST(GalerkinDerivative, PassesAreTransposed) {
   expect_transposed(make_scene("periodic-rectifier", {}));
 }
 
-// x' = x + f, x(0) + x(T) = b: x(0) = (b - ∫ e^{T-s} f)/(1 + e^T), and y never acts, or there is none.
+// x' = x + f, x(0) + x(T) = b: x(0) = (b - ∫ e^{T-s} f)/(1 + e^T), and y never acts.
 TEST(GalerkinDerivative, OfALinearProblem) {
-  for (const Index n : {Index(1), Index(0)}) {
-    Scene s;
-    s.dynamics = DenseDynamics{Matrix::Ones(1, 1), Matrix::Ones(1, n), Matrix::Zero(n, 1)};
-    s.M = Matrix(Matrix::Ones(n, n));
-    if (n > 0) s.g = [](double, Eigen::Ref<Vector> v) { v[0] = 1; };
-    s.T = 1.5;
-    s.boundary = BoundaryCondition{Matrix::Ones(1, 1), Matrix::Ones(1, 1), Vector::Ones(1)};
-    const GalerkinDerivative d(s, solved(s));
-    DataChange c;
-    c.b = Vector::Ones(1);
-    const double first = 1 / (1 + std::exp(1.5));
-    EXPECT_NEAR(d.jvp(c).x(0, 0), first, 1e-14);
-    EXPECT_NEAR(d.jvp(c).x(N, 0), std::exp(1.5) * first, 1e-14);
-    SolutionChange of;
-    of.x = RowMatrix::Zero(N + 1, 1);
-    of.x(0, 0) = 1;
-    const DataChange bar = d.vjp(of);
-    EXPECT_NEAR(bar.b[0], first, 1e-14);
-    EXPECT_NEAR(bar.f.sum(), -(std::exp(1.5) - 1) * first, 1e-14);  // of a constant f
-  }
+  Scene s;
+  s.dynamics = DenseDynamics{Matrix::Ones(1, 1), Matrix::Ones(1, 1), Matrix::Zero(1, 1)};
+  s.M = Matrix(Matrix::Ones(1, 1));
+  s.g = [](double, Eigen::Ref<Vector> v) { v[0] = 1; };
+  s.T = 1.5;
+  s.boundary = BoundaryCondition{Matrix::Ones(1, 1), Matrix::Ones(1, 1), Vector::Ones(1)};
+  const GalerkinDerivative d(s, solved(s));
+  DataChange c;
+  c.b = Vector::Ones(1);
+  const double first = 1 / (1 + std::exp(1.5));
+  EXPECT_NEAR(d.jvp(c).x(0, 0), first, 1e-14);
+  EXPECT_NEAR(d.jvp(c).x(N, 0), std::exp(1.5) * first, 1e-14);
+  SolutionChange of;
+  of.x = RowMatrix::Zero(N + 1, 1);
+  of.x(0, 0) = 1;
+  const DataChange bar = d.vjp(of);
+  EXPECT_NEAR(bar.b[0], first, 1e-14);
+  EXPECT_NEAR(bar.f.sum(), -(std::exp(1.5) - 1) * first, 1e-14);  // of a constant f
 }
 
 TEST(GalerkinDerivative, Refuses) {
@@ -175,6 +173,10 @@ TEST(GalerkinDerivative, Refuses) {
   EXPECT_NE(of_result([](Scene&, Result& x) { x.y *= 1.01; }).find("do not give its y"), std::string::npos);
   EXPECT_NE(of_result([](Scene&, Result& x) { x.status = Status::infeasible; }).find("not solved"), std::string::npos);
   EXPECT_NE(of_result([](Scene&, Result& x) { x.method = Method::march; }).find("method march"), std::string::npos);
+  EXPECT_NE(of_result([](Scene& x, Result&) {
+              x.dynamics = DenseDynamics{Matrix::Ones(1, 1), Matrix(1, 0), Matrix(0, 1)};
+            }).find("no constraints"),
+            std::string::npos);
   EXPECT_NE(of_result([](Scene& x, Result&) { x.lcp_class = LcpClass::PSD; }).find("may jump"), std::string::npos);
   EXPECT_NE(of_result([](Scene&, Result& x) { x.y_left = x.y_left.topRows(4).eval(); }).find("other rows"),
             std::string::npos);
