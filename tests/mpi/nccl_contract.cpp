@@ -32,7 +32,8 @@ struct Case {
 // The graphs of cycles, walks through many modes, grids that all ranks hold, ends of slabs that no coarse grid has.
 constexpr Case cases[] = {{"signorini", 15, Method::contour, 1024},     {"signorini", 63, Method::multigrid, 1536},
                           {"signorini3d", 15, Method::multigrid, 1024}, {"signorini3d", 31, Method::multigrid, 512},
-                          {"signorini3d", 15, Method::contour, 500},    {"dlcp-small", 0, Method::contour, 512}};
+                          {"signorini3d", 15, Method::contour, 500},    {"dlcp-small", 0, Method::contour, 512},
+                          {"contact", 7, Method::dual, 1024},           {"contact", 15, Method::dual, 768}};
 
 void check_solves(Backend& divided, std::vector<std::string>& faults) {
   const auto host = make_cpu_backend(2);
@@ -42,7 +43,8 @@ void check_solves(Backend& divided, std::vector<std::string>& faults) {
     options.method = one.method;
     options.steps = one.steps;
     options.iteration_tolerance = 1e-14;
-    const RowMatrix expected = solve(scene, *host, options).y;
+    const Result of_host = solve(scene, *host, options);
+    const RowMatrix& expected = of_host.y;
     Solver solver(scene, divided, options);
     for (int again = 0; again < 2; ++again) {
       const Result found = solver.solve();
@@ -50,7 +52,7 @@ void check_solves(Backend& divided, std::vector<std::string>& faults) {
       if (found.status != Status::solved) faults.push_back(name + " ends: " + found.reason);
       const double apart = (found.y - expected).cwiseAbs().maxCoeff<Eigen::PropagateNaN>();
       if (!(apart <= same_solution)) faults.push_back(name + " is apart by " + std::to_string(apart * 1e12) + "e-12");
-      if (!(found.residual <= 1e-12)) faults.push_back(name + " has another residual");
+      if (!(found.residual <= std::max(1e-12, 2 * of_host.residual))) faults.push_back(name + " has another residual");
     }
   }
 }
