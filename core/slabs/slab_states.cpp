@@ -210,7 +210,7 @@ Index ModalState::add(const Eigen::Ref<const Vector>& z, Index rows, const HostT
       }
       if (something) known[i] = std::min(bunch.banks[i].known, rows);
     }
-    const Index most = *std::max_element(known.begin(), known.end());
+    const Index most = known.empty() ? 0 : *std::max_element(known.begin(), known.end());
     for (Index before = last; before < most && !last.compare_exchange_weak(before, most);) {
     }
     Tile out;

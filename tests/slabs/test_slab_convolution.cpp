@@ -37,7 +37,7 @@ ModalRecurrence some_modes(Index K, Index n) {
   ModalRecurrence r;
   r.decay = random.matrix(K, n).cwiseAbs();
   r.decay.leftCols(n / 2) = r.decay.leftCols(n / 2).cwiseSqrt().cwiseSqrt();  // a long memory
-  r.decay(0, 0) = 1;                                                          // one without end
+  if (K > 0) r.decay(0, 0) = 1;                                               // one without end
   r.output = random.matrix(K, n);
   r.start = random.matrix(K, n);
   r.initial = random.matrix(K, n);
@@ -125,9 +125,9 @@ constexpr double same_sum = 1e-12;
 TEST(SlabConvolution, IsThatOfOneRank) {
   const Index J = 500, n = 11;
   const RowMatrix y = Random(19).matrix(J + 1, n);
-  for (const Plan& plan :
-       {plan_of(Recurrence(some_modes(5, n))), plan_of(Recurrence(short_modes(5, n))),
-        plan_of(Recurrence(some_state(4, n))), plan_of(some_stages(5, n)), plan_of(some_entries(4, n, J))})
+  for (const Plan& plan : {plan_of(Recurrence(some_modes(5, n))), plan_of(Recurrence(short_modes(5, n))),
+                           plan_of(Recurrence(some_state(4, n))), plan_of(some_stages(5, n)),
+                           plan_of(Recurrence(some_modes(0, n))), plan_of(some_entries(4, n, J))})
     for (const Index first : {0, 60, 260, 440}) {
       RowMatrix later = y;
       later.bottomRows(J + 1 - first) = Random(20).matrix(J + 1 - first, n);
