@@ -63,23 +63,10 @@ def case_two():
     yield f"Case II is [measured on a device](../measurements/gpu.md) at dx = {', '.join(f'1/{c}' for c in same)},"
 
 
-def trust_later():
-    data = evidence.load("trust-later")
-    v = data["verdicts"]
-    yield (f"{data['count']} further scenes from seed {data['first_seed']} on, with commit {data['commit'][:9]} "
-           f"(`bench/results/trust-later.json`): {v['right']} right, {v['missed']} missed, {v['wrong']} wrong, {v['refused']} "
-           "refused though well-conditioned.")
-    for scene in data["scenes"]:
-        if scene["verdict"] == "wrong":
-            yield (f"The wrong one, {scene['seed']}, has several solutions too, which `warning` says: the mean of y errs by "
-                   f"{scene['error_y'] / data['tolerance']:.0f} times the tolerance, x by {scene['error_x']:.0e}.".replace("e-0", "e-"))
-
-
 sentences = {
     "docs/nonlinear.md": (nonlinear_device, shockley),
     "docs/measurements/paper.md": (comparison,),
     "docs/papers/laplace.md": (case_two,),
-    "docs/stability.md": (trust_later,),
 }
 
 

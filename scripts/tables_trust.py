@@ -1,6 +1,4 @@
 """The tables of what results are worth: tolerances, hard cases, random scenes, coverage."""
-from collections import Counter
-
 from evidence import machine, number, seconds
 
 
@@ -76,11 +74,6 @@ def random(data):
     ]
 
 
-def judged_again(run):
-    """How many scenes went from one verdict to another, by (before, after)."""
-    return Counter(map(tuple, run["judged_again"].values()))
-
-
 def trust(data):
     """What became of random scenes with every kind of source."""
     columns = (("all", data["verdicts"]), ("breakpoints named", data["told"]), ("not named", data["not_told"]))
@@ -98,26 +91,11 @@ def trust(data):
     counts = data["verdicts"]
     decided = sum(counts.get(key, 0) for key in ("right", "missed", "wrong", "refused"))
     quantiles = ", ".join(f"{name} {value:.2g}" for name, value in data["effectivity"].items())
-    last = []
-    if "later" in data:
-        later = data["later"]
-        was = ", ".join(f"{later['verdicts'].get(name, 0)} {name}" for name in ("right", "wrong", "missed", "refused", "ill-conditioned"))
-        again = ", ".join(f"{number} that were {before} are {after}" for (before, after), number in sorted(judged_again(later).items()))
-        last += ["", f"After that, {later['count']} other scenes from seed {later['first_seed']} on, with commit {later['commit'][:9]}: {was}, the others "
-                 f"not decided; estimate over error between 0.3 and 3 for {100 * later['effectivity_in_0.3_to_3']:.0f} %. With that commit, of the scenes "
-                 f"of the table that are not right: {again}."]
-    if "earlier" in data:
-        earlier, names = data["earlier"], ("wrong", "missed", "refused")
-        now = [new for _, new in earlier["judged_again"].values()]
-        before, after = (", ".join(f"{count(name)} {name}" for name in names) for count in (lambda name: earlier["verdicts"].get(name, 0), now.count))
-        last += ["", f"Before that, {earlier['count']} other scenes from seed {earlier['first_seed']} on, with commit {earlier['commit'][:9]}: {before}. "
-                f"These, and the ill-conditioned ones, judged again with commit {earlier['judged_again_commit'][:9]}: {after}, the others right or ill-conditioned."]
     return lines + [
         "",
         f"{data['count']} scenes from seed {data['first_seed']} on, `--tol {data['tolerance']:.0e}`, method {data['method']}, {data['seconds']:.0f} s "
         f"each at most. Refused: {100 * counts.get('refused', 0) / decided:.1f} % of the well-conditioned ones; their reasons are in the file. "
         f"Estimate over error: {quantiles}; between 0.3 and 3 for {100 * data['effectivity_in_0.3_to_3']:.0f} %. Commit {data['commit'][:9]}.",
-        *last,
     ]
 
 

@@ -92,7 +92,7 @@ class EventIntegration {
     const double t = at_.t;
     const Successor::Choice next =
         enumerates_ ? successor_.choose_among_all(at_) : successor_.choose(at_, y_is_known, likely);
-    if (!next.unique) return give_up("the solution is not unique: two active sets continue it differently");
+    if (!next.unique) return give_up(std::string(several_solutions) + ": two active sets continue it differently");
     if (!next.mode) return pass_unknown();
     unknown_ = 0;
     mode_ = next.mode;

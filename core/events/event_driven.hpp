@@ -64,6 +64,9 @@ struct EventSolution {
 
 inline constexpr const char* out_of_work = "too many steps";  ///< how EventSolution::reason begins in that case
 
+/// Likewise, where active sets continue the solution to different states.
+inline constexpr const char* several_solutions = "the solution is not unique";
+
 /// Whether the scene can be integrated in this way: dense dynamics without E, x(0) = x0, few unknowns, no free rows.
 /// Otherwise why not.
 std::string unsuited_to_events(const Scene&);

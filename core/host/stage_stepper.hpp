@@ -26,7 +26,7 @@ class Stepper {
         scale_(weights()),
         // The two-stage problem does not inherit the class of M: least elements need not exist there.
         lcp_(scale_.asDiagonal() * (blocks() + step_->implicit_part()), M_,
-             stages == 1 ? p.lcp_class : LcpClass::unknown) {}
+             stages == 1 ? p.lcp_class : LcpClass::unknown, scale_.asDiagonal() * blocks()) {}
 
   // Advances x_{j-1} to x_j and sets Y. `place` is the index of step j among the rows, `touching` the constraints that
   // were active at the end of the last step. If the LCP has several solutions, as with rigid contacts, the other

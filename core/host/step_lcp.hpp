@@ -37,9 +37,11 @@ inline bool count_step(const LcpOutcome& outcome, const Vector& q, bool feasible
 // decaying entries, a banded solver is used; the dense solver is made when bands fail.
 class StepLcp {
  public:
-  StepLcp(const Matrix& implicit, const Matrix& M, LcpClass lcp_class)
+  // `without_dynamics`: the matrix of a step of length 0, where that is not M.
+  StepLcp(const Matrix& implicit, const Matrix& M, LcpClass lcp_class, const Matrix& without_dynamics = {})
       : M_(M),
         implicit_(implicit),
+        without_dynamics_(without_dynamics),
         scene_class_(lcp_class),
         implicit_class_(classify(LcpMatrix(implicit))),
         y_(Vector::Zero(implicit.rows())) {
@@ -76,7 +78,8 @@ class StepLcp {
 
   std::size_t bytes() const {
     const Index matrices = banded_ && !solver_ ? 1 : 4;  // the dense solver is made when bands first fail
-    return sizeof(double) * std::size_t(M_.size() + matrices * implicit_.size()) + (banded_ ? banded_->bytes() : 0);
+    return sizeof(double) * std::size_t(M_.size() + without_dynamics_.size() + matrices * implicit_.size()) +
+           (banded_ ? banded_->bytes() : 0);
   }
 
  private:
@@ -92,7 +95,21 @@ class StepLcp {
     outcome.newton += newton;
     outcome.fallback |= newton > 0;
     if (banded_ && outcome.solved) banded_->start_from(y);
+    if (outcome.infeasible && !selects_least(scene_class_)) outcome.infeasible = proof_is_not_of_rounding(q);
     return outcome;
+  }
+
+  // A proof holds up to rounding of M. W_0 of a very short step is below that, although it decides where M y = 0 for a
+  // y > 0: that y may be an impulse. So the proof has to hold with a W_0 of the size of M, too.
+  bool proof_is_not_of_rounding(const Vector& q) const {
+    constexpr double drowned = 1e-6;
+    const Matrix& M = without_dynamics_.size() > 0 ? without_dynamics_ : M_;
+    const Matrix dynamics = implicit_ - M;
+    const double size = dynamics.cwiseAbs().maxCoeff(), of_M = M.cwiseAbs().maxCoeff();
+    if (!(size > 0 && size < drowned * of_M)) return true;
+    const Matrix larger = M + of_M / size * dynamics;
+    Vector y = Vector::Zero(q.size());
+    return ActiveSetLcp(larger, classify(LcpMatrix(larger))).solve(q, y).infeasible;
   }
 
   ActiveSetLcp& dense() {
@@ -107,7 +124,7 @@ class StepLcp {
   // To read the clock takes as long as a small problem. Later ones stand for as many, up to the time since the last.
   static constexpr Index all_timed = 64, timed_every = 8;
 
-  Matrix M_, implicit_;
+  Matrix M_, implicit_, without_dynamics_;
   LcpClass scene_class_, implicit_class_;
   std::unique_ptr<simd::BandedLcp> banded_;
   std::optional<ActiveSetLcp> solver_;

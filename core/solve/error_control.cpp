@@ -84,6 +84,9 @@ Result solve_to_tolerance(const Scene& given, Backend& backend, const InnerOptio
   if (events.status == Status::solved || events.status == Status::interrupted) return events;
   if (events.reason.rfind(not_unique, 0) == 0) return events;  // no grid decides which one it is
   Result result = by_grids(scene, backend, options, solve);
+  if (result.status == Status::solved && events.reason.rfind(several_solutions, 0) == 0 &&
+      result.warning.find(several_solutions) == std::string::npos)
+    add_warning(result, events.reason);  // grids go to one of them, and may all go to the same one
   if (options.max_seconds > 0 || result.status != Status::tolerance_not_met || events.reason.rfind(out_of_work, 0) != 0)
     return result;
   events = by_events(patient_events);

@@ -81,6 +81,11 @@ class Derivative:
         self._core, self._result = _core.Derivative(result._answer, located), result
 
     @property
+    def form(self) -> str:
+        """``discrete solution``, ``modes``, ``over all time points``, ``boundary values`` or ``located switches``."""
+        return self._core.form
+
+    @property
     def located(self) -> bool:
         """Whether switches are located."""
         return self._core.switches is not None

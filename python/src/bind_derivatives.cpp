@@ -74,6 +74,13 @@ class AnyDerivative {
     }
   }
 
+  /// Which of the derivatives of docs/derivatives.md it is.
+  const char* form() const {
+    if (space_time_) return "over all time points";
+    if (galerkin_) return "boundary values";
+    return switched_ ? "located switches" : modal_ ? "modes" : "discrete solution";
+  }
+
   /// `states`: those of scenes with many states, too.
   SolutionChange jvp(const DataChange& c, bool states) const {
     if (space_time_) {
@@ -200,6 +207,7 @@ void bind_derivatives(nb::module_& m) {
   nb::class_<AnyDerivative>(m, "Derivative")
       .def(nb::init<const Answer&, std::optional<bool>>(), nb::arg("answer"), nb::arg("located").none())
       .def_prop_ro("margin", &margin)
+      .def_prop_ro("form", &AnyDerivative::form)
       .def_prop_ro("states", &AnyDerivative::states)
       .def_prop_ro(
           "switches",

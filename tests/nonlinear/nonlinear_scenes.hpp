@@ -11,7 +11,8 @@
 namespace bromwich {
 
 // x at T by Runge-Kutta of order 4, y = y(t, x) given.
-inline Vector by_runge_kutta(const NonlinearScene& s, const std::function<Vector(double, const Vector&)>& y_of, Index steps) {
+inline Vector by_runge_kutta(const NonlinearScene& s, const std::function<Vector(double, const Vector&)>& y_of,
+                             Index steps) {
   const DenseDynamics& d = *s.linear.dynamics->small_state();
   const auto rate = [&](double t, const Vector& x) {
     const Vector y = y_of(t, x);
@@ -49,7 +50,9 @@ inline NonlinearScene stopped() {
   s.linear.f = [](double, Eigen::Ref<Vector> v) { v[0] = -1; };
   s.linear.x0 = Vector{{1}};
   s.linear.T = 2;
-  s.phi = [](double, const Eigen::Ref<const Vector>& x, const Eigen::Ref<const Vector>&, Eigen::Ref<Vector> v) { v[0] = -x[0] * x[0]; };
+  s.phi = [](double, const Eigen::Ref<const Vector>& x, const Eigen::Ref<const Vector>&, Eigen::Ref<Vector> v) {
+    v[0] = -x[0] * x[0];
+  };
   return s;
 }
 

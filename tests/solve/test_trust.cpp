@@ -143,6 +143,28 @@ void expect_within_tolerance(std::initializer_list<std::uint32_t> seeds, Method 
 // need have. So the mean of y is controlled.
 TEST(Trust, ImpulsesAtEdgesAreSeenByTheirMean) { expect_within_tolerance({21021204}, Method::march); }
 
+// N B is no P-matrix: two active sets continue the solution from one state. All grids go to one of the two.
+TEST(Trust, SeveralSolutionsAreNamed) {
+  const auto backend = make_cpu_backend(1);
+  Options options;
+  options.tolerance = tolerance;
+  options.states = StateSelection::all;
+  const Result r = solve(source_scene(22010095).scene, *backend, options);
+  EXPECT_NE((r.reason + r.warning).find("the solution is not unique"), std::string::npos) << r.reason << r.warning;
+}
+
+// M y = 0 for a y > 0, which an impulse may have: W_0 of a very short step is rounding of M, and no proof that there is
+// no solution.
+TEST(Trust, ShortStepsDoNotProveInfeasibility) {
+  const auto backend = make_cpu_backend(1);
+  const SourceScene s = source_scene(22030003);
+  ASSERT_TRUE(locate_events(s.base).decided);
+  Options options;
+  options.tolerance = tolerance;
+  options.states = StateSelection::all;
+  EXPECT_NE(solve(s.scene, *backend, options).status, Status::infeasible);
+}
+
 // Seeds in which y is so small beside earlier terms of w that located events do not know its sign: other methods do.
 TEST(Trust, SmallYIsNotTakenForZero) { expect_within_tolerance({5017993, 5010612}); }
 
