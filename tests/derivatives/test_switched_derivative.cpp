@@ -263,8 +263,9 @@ Verdict verdict_of(std::uint32_t seed) {
     return v;
   }
   // Differences that agree with the derivative need no second step. Others are trusted if two steps of them agree; both
-  // lie within the margin, where no switch appears or vanishes.
-  const double size = 1e-5 * std::min(1.0, 10 * d->margin().margin);
+  // lie within a hundredth of the margin, where no switch appears or vanishes. Shorter ones would be of the size of
+  // what the oracle counts as zero, relative to the largest y.
+  const double size = 1e-5 * std::min(1.0, 1e3 * d->margin().margin);
   const auto apart = [&](const RowMatrix& a, const RowMatrix& b) {
     return (a - b).cwiseAbs().maxCoeff() / (b.cwiseAbs().maxCoeff() + 1e-3 * c.x0.norm());
   };
