@@ -63,10 +63,21 @@ def case_two():
     yield f"Case II is [measured on a device](../measurements/gpu.md) at dx = {', '.join(f'1/{c}' for c in same)},"
 
 
+def given_steps():
+    for run in evidence.load("trust-steps")["runs"]:
+        limit = 3 * run["tolerance"]
+        wrong = [scene for scene in run["scenes"] if scene["verdict"] == "wrong"]
+        silent = [scene for scene in wrong if not scene["warning"]]
+        decided = run["count"] - run["verdicts"]["undecided"]
+        yield (f"With {run['steps']} steps {len(wrong)} of {decided} random scenes are off by more than {100 * limit:.0f} %, {len(silent)} of "
+               f"them without a word, {sum(scene['error_x'] > limit for scene in silent)} of these in x")
+
+
 sentences = {
     "docs/nonlinear.md": (nonlinear_device, shockley),
     "docs/measurements/paper.md": (comparison,),
     "docs/papers/laplace.md": (case_two,),
+    "docs/stability.md": (given_steps,),
 }
 
 

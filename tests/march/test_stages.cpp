@@ -6,6 +6,7 @@
 #include "core/numerics/orthogonal_factor.hpp"
 #include "core/scene/relay.hpp"
 #include "core/solve/methods.hpp"
+#include "tests/multigrid/dual_scenes.hpp"
 #include "tests/support/backends.hpp"
 
 #include <Eigen/Dense>
@@ -48,29 +49,13 @@ class StageMarching : public BackendTest {
 
 INSTANTIATE_TEST_SUITE_P(Contract, StageMarching, testing::ValuesIn(backend_cases()), backend_case_name);
 
-Scene random_passive(std::uint32_t seed, Index m, Index n) {
-  Random random(seed);
-  const Matrix A = random.matrix(m, m) - 2.0 * Matrix::Identity(m, m), B = random.matrix(m, n);
-  Scene scene;
-  scene.dynamics = DenseDynamics{A, B, B.transpose()};
-  scene.M = Matrix(Matrix::Zero(n, n));
-  scene.f = [m](double t, Eigen::Ref<Vector> f) {
-    for (Index i = 0; i < m; ++i) f[i] = std::cos(t + double(i));
-  };
-  scene.g = [n](double t, Eigen::Ref<Vector> g) {
-    for (Index i = 0; i < n; ++i) g[i] = std::cos(5 * t + 0.3 * double(i)) - 0.5;
-  };
-  scene.x0 = Vector::Zero(m);
-  return scene;
-}
-
 // Every row of a run solves the stage equations, formed here independently. x_j follows from x_{j-1} and y at both
 // stages, so y of the first stage is recovered from them (m >= n, B of full rank), and both stages must satisfy
 // complementarity.
 TEST_P(StageMarching, EveryStepSolvesTheStageEquations) {
   const Index m = 4, n = 2, J = 400;
   for (const std::uint32_t seed : {1u, 2u, 3u}) {
-    const Scene scene = random_passive(seed, m, n);
+    const Scene scene = random_contact(seed, m, n, 0);
     const auto& d = get<DenseDynamics>(scene.dynamics);
     const Result r = solve_in_stages(scene, 2, J, {0, 1, 2, 3});
     ASSERT_EQ(r.status, Status::solved) << r.reason;
@@ -120,7 +105,7 @@ TEST_P(StageMarching, EveryStepSolvesTheStageEquations) {
 
 TEST_P(StageMarching, SparseAndDenseStepsAgree) {
   for (const Index count : {1, 2}) {
-    Scene scene = random_passive(7, 5, 2);
+    Scene scene = random_contact(7, 5, 2, 0);
     const Result dense = solve_in_stages(scene, count, 33, {4, 0});
     const auto d = get<DenseDynamics>(scene.dynamics);
     scene.dynamics = SparseDynamics{d.A.sparseView(), d.B.sparseView(), d.N.sparseView()};
@@ -134,7 +119,7 @@ TEST_P(StageMarching, SparseAndDenseStepsAgree) {
 // An eigenvalue 1/h up to rounding: an orthogonal transform hides the zero pivot.
 TEST_P(StageMarching, ASingularSparseStepIsRefused) {
   const Index m = 4, J = 16;
-  Scene scene = random_passive(11, m, 1);
+  Scene scene = random_contact(11, m, 1, 0);
   const auto d = get<DenseDynamics>(scene.dynamics);
   const double h = scene.T / double(J);
   reference::Random random(3);
@@ -147,7 +132,7 @@ TEST_P(StageMarching, ASingularSparseStepIsRefused) {
 }
 
 TEST_P(StageMarching, SourcesThroughAMatrixAreTheSameSources) {
-  Scene scene = random_passive(9, 3, 1);
+  Scene scene = random_contact(9, 3, 1, 0);
   const Result plain = solve_in_stages(scene, 2, 20, {0, 1, 2});
   scene.f_entry = SourceEntry::through_F;
   scene.F = Matrix(Matrix::Identity(3, 3)).sparseView();

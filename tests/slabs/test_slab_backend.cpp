@@ -11,6 +11,7 @@
 #include "core/slabs/slab_plans.hpp"
 #include "core/slabs/slab_states.hpp"
 #include "core/slabs/slabs.hpp"
+#include "tests/slabs/divided_solves.hpp"
 #include "tests/support/reference.hpp"
 #include "tests/support/refusal.hpp"
 #include "tests/support/row_ranks.hpp"
@@ -155,23 +156,7 @@ TEST(SlabBackend, FindsTheSolutionOfOneRank) {
   for (const Case& one : cases()) {
     Options options = options_for(one.method, one.steps);
     options.iteration_tolerance = 1e-14;
-    const Result expected = run(one.scene, options);
-    ASSERT_EQ(expected.status, Status::solved) << one.scene.name << ": " << expected.reason;
-    const double size = std::max(1., expected.y.cwiseAbs().maxCoeff());
-    for (const int ranks : {1, 2, 3, 4, 7}) {
-      std::vector<RowMatrix> found;
-      for (int again = 0; again < (ranks == 3 ? 2 : 1); ++again)
-        on_threads(ranks, [&](Communicator& communicator) {
-          const auto backend = make_slab_backend(make_cpu_backend(1), communicator);
-          const Result result = solve(one.scene, *backend, options);
-          EXPECT_EQ(result.status, Status::solved) << one.scene.name << ": " << result.reason;
-          EXPECT_LE(distance(result.y, expected.y), 1e-12 * size)
-              << one.scene.name << ", " << to_string(one.method) << ", " << ranks << " ranks";
-          EXPECT_LE(result.residual, 1e-12);
-          if (communicator.rank() == 0) found.push_back(result.y);
-        });
-      EXPECT_EQ(found.front(), found.back()) << "from run to run";
-    }
+    expect_solution_of_one_rank(one.scene, options, one.scene.name + ", " + to_string(one.method));
   }
 }
 

@@ -5,6 +5,7 @@
 #include "core/slabs/slab_backend.hpp"
 #include "core/slabs/slabs.hpp"
 #include "tests/multigrid/dual_scenes.hpp"
+#include "tests/slabs/divided_solves.hpp"
 #include "tests/support/reference.hpp"
 #include "tests/support/row_ranks.hpp"
 #include "tests/support/thread_ranks.hpp"
@@ -54,25 +55,8 @@ Options options_of(const DualCase& one) {
 // The same w to rounding of sums in another order; V_0 is below 1e2 here, as much as y = V w + s has of it.
 TEST(SlabDual, FindsTheSolutionOfOneRank) {
   for (const DualCase& one : dual_cases()) {
-    const Options options = options_of(one);
-    const Result expected = run(one.scene, options);
-    ASSERT_EQ(expected.status, Status::solved) << one.name << ": " << expected.reason;
-    ASSERT_EQ(expected.form, "dual") << one.name;
-    const double size = std::max(1., expected.y.cwiseAbs().maxCoeff());
-    for (const int ranks : {1, 2, 3, 4, 7}) {
-      std::vector<RowMatrix> found;
-      for (int again = 0; again < (ranks == 3 ? 2 : 1); ++again)
-        on_threads(ranks, [&](Communicator& communicator) {
-          const auto backend = make_slab_backend(make_cpu_backend(1), communicator);
-          const Result result = solve(one.scene, *backend, options);
-          EXPECT_EQ(result.status, Status::solved) << one.name << ": " << result.reason;
-          EXPECT_EQ(result.kernel, expected.kernel);
-          EXPECT_LE(distance(result.y, expected.y), 1e-12 * size) << one.name << ", " << ranks << " ranks";
-          EXPECT_LE(result.residual, std::max(1e-12, 2 * expected.residual)) << one.name;
-          if (communicator.rank() == 0) found.push_back(result.y);
-        });
-      EXPECT_EQ(found.front(), found.back()) << "from run to run";
-    }
+    EXPECT_EQ(run(one.scene, options_of(one)).form, "dual") << one.name;
+    expect_solution_of_one_rank(one.scene, options_of(one), one.name);
   }
 }
 
