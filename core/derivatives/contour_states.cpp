@@ -1,20 +1,16 @@
 #include "core/derivatives/contour_states.hpp"
 
 #include "core/base/error.hpp"
-#include "core/dynamics/spectrum.hpp"
 #include "core/kernel/sparse_kernel.hpp"
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 
 namespace bromwich {
 
 namespace {
 
-constexpr double largest_growth_of_contours = 8;  ///< of e^{sigma T}, which a shift sigma loses
 constexpr std::size_t most_kept_bytes = std::size_t(1) << 30;
-constexpr double in_degrees = std::numbers::pi / 180;
 
 const HostThreads calling_thread;  // callbacks of users need not be safe in others
 
@@ -37,13 +33,9 @@ ContourStates::ContourStates(const DiscreteProblem& p)
       h_(p.h) {
   if (const SparseDynamics* m = d_->matrices())
     transposed_ = Dynamics(SparseDynamics{m->A.transpose(), m->N.transpose(), m->B.transpose(), m->E.transpose()});
-  const Spectrum s = p.shared->spectrum();
-  const double shift =
-      std::min(s.abscissa > 16 * epsilon * s.radius ? s.abscissa : 0, largest_growth_of_contours / p.scene.T);
-  const double start = shift > 0 ? 0 : std::min(s.half_angle, 60 * in_degrees);
-  for (const double sector : {0, 15, 30, 45, 60})
-    if (sector * in_degrees >= start * (1 - epsilon) && take_windows(*contour_parameters(sector * in_degrees), shift))
-      return;
+  const ContourChoices choices = contours_to_try(p.shared->spectrum(), p.scene.T);
+  for (const double half_angle : choices.half_angles)
+    if (take_windows(*contour_parameters(half_angle), choices.shift)) return;
   throw Error("derivative", "no contour holds the spectrum of A", "use the derivative of dense dynamics");
 }
 

@@ -221,15 +221,22 @@ SparseKernel finish(const DiscreteProblem& p, const Wide& wide, const Attempt& a
 
 }  // namespace
 
+ContourChoices contours_to_try(const Spectrum& s, double T) {
+  ContourChoices choices;
+  choices.shift = std::min(s.abscissa > 16 * epsilon * s.radius ? s.abscissa : 0, largest_growth / T);
+  const double start = choices.shift > 0 ? 0 : std::min(s.half_angle, 60 * degree);
+  for (const double sector : {0, 15, 30, 45, 60})
+    if (sector * degree >= start * (1 - epsilon)) choices.half_angles.push_back(sector * degree);
+  return choices;
+}
+
 std::optional<SparseKernel> sparse_kernel(const DiscreteProblem& p, const std::vector<Index>& components) {
   const Wide wide = widen(p, components);
   const Spectrum s = p.shared->spectrum();
-  const double shift = std::min(s.abscissa > 16 * epsilon * s.radius ? s.abscissa : 0, largest_growth / p.scene.T);
-  const double start = shift > 0 ? 0 : std::min(s.half_angle, 60 * degree);
-  for (const double sector : {0, 15, 30, 45, 60}) {
-    if (sector * degree < start * (1 - epsilon)) continue;
+  const ContourChoices choices = contours_to_try(s, p.scene.T);
+  for (const double half_angle : choices.half_angles) {
     try {
-      const Attempt attempt(p, wide, *contour_parameters(sector * degree), shift);
+      const Attempt attempt(p, wide, *contour_parameters(half_angle), choices.shift);
       if (attempt.error() <= accepted_contour_error) return finish(p, wide, attempt, s);
     } catch (const SingularShift&) {  // a node is an eigenvalue to rounding: the contour runs through the spectrum
     }

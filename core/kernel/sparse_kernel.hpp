@@ -6,8 +6,11 @@
 //
 // at the nodes of all windows of lags. The first n rows are outputs for the constraints, the others for the user.
 
+#include "../dynamics/spectrum.hpp"
 #include "discrete_problem.hpp"
 #include "kernel.hpp"
+
+#include <vector>
 
 namespace bromwich {
 
@@ -34,6 +37,14 @@ std::optional<SparseKernel> sparse_kernel(const DiscreteProblem&, const std::vec
 RowMatrix sparse_states(const DiscreteProblem&, const SparseKernel&, const RowMatrix& y);
 
 inline constexpr double accepted_contour_error = 1e-9;
+
+/// Contours to try in this order: half angles of their sectors, the narrowest that holds the spectrum first, and the
+/// shift to the right of a positive abscissa.
+struct ContourChoices {
+  double shift = 0;
+  std::vector<double> half_angles;
+};
+ContourChoices contours_to_try(const Spectrum&, double T);
 
 /// Bytes of the elimination alone, and an upper bound, up to small tables, of the bytes needed by sparse_kernel for so
 /// many columns of [B F E x0] and rows of [N; I_c]. From the symbolic analysis of A, B and N, which is exact for the
