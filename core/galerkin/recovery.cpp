@@ -27,7 +27,25 @@ GalerkinProblem problem_of(const Scene& scene, const Result& r) {
   return r.interval_rules.empty() ? p : mixed_problem(RuledProblems(scene, p), r.interval_rules);
 }
 
+// Those of the result where it has all of them: nodes at breakpoints are left out of a result, and its coefficients on
+// longer intervals alone give other states.
+RowMatrix states_at_nodes(const Scene& scene, const Result& r) {
+  if (Index(r.x_components.size()) == scene.states() && r.x.rows() == r.t.size()) return r.x;
+  return galerkin_states(problem_of(scene, r), galerkin_coefficients(r));
+}
+
 }  // namespace
+
+Index interval_at(const Vector& t, double time) {
+  const Index behind = Index(std::upper_bound(t.begin(), t.end(), time) - t.begin());
+  return std::clamp<Index>(behind - 1, 0, t.size() - 2);
+}
+
+Index node_at(const Vector& t, double time) {
+  const Index k = interval_at(t, time);
+  const double part = std::clamp((time - t[k]) / (t[k + 1] - t[k]), 0.0, 1.0), nearest = std::round(part);
+  return std::abs(part - nearest) <= same_node ? k + Index(nearest) : -1;
+}
 
 std::vector<GridPart> grid_parts(const Vector& t) {
   constexpr double same_length = 1e-6;
@@ -52,20 +70,17 @@ RowMatrix galerkin_coefficients(const Result& r) {
 }
 
 GalerkinOutput galerkin_at(const Scene& scene, const Result& r, const std::vector<double>& times) {
-  const Index N = r.y_left.rows(), n = r.y_left.cols();
+  const Index n = r.y_left.cols();
   if (!r.y_left.row(0).allFinite()) {  // nothing was found, and the states may be too many to write out
     const Index rows = Index(times.size());
     return {RowMatrix::Constant(rows, n, NAN), RowMatrix::Constant(rows, scene.states(), NAN)};
   }
-  const GalerkinProblem p = problem_of(scene, r);
-  const RowMatrix states = galerkin_states(p, galerkin_coefficients(r));
-  GalerkinOutput out{RowMatrix(Index(times.size()), n), RowMatrix(Index(times.size()), p.states())};
+  const RowMatrix states = states_at_nodes(scene, r);
+  GalerkinOutput out{RowMatrix(Index(times.size()), n), RowMatrix(Index(times.size()), states.cols())};
   for (std::size_t i = 0; i < times.size(); ++i) {
-    const Index row = Index(i), behind = Index(std::upper_bound(r.t.begin(), r.t.end(), times[i]) - r.t.begin());
-    const Index k = std::clamp<Index>(behind - 1, 0, N - 1);
+    const Index row = Index(i), k = interval_at(r.t, times[i]), node = node_at(r.t, times[i]);
     const double h = r.t[k + 1] - r.t[k], part = std::clamp((times[i] - r.t[k]) / h, 0.0, 1.0);
-    const Index node = k + Index(std::round(part));
-    if (std::abs(part - std::round(part)) <= same_node) {
+    if (node >= 0) {
       out.y.row(row) = r.y.row(node);
       out.x.row(row) = states.row(node);
       continue;

@@ -10,6 +10,11 @@ namespace bromwich {
 /// The parts of a grid whose steps are of one length.
 std::vector<GridPart> grid_parts(const Vector& t);
 
+/// k with t_k <= time < t_{k+1}; the first or the last interval for other times.
+Index interval_at(const Vector& t, double time);
+/// The node at `time`, to 1e-9 of its interval, or -1.
+Index node_at(const Vector& t, double time);
+
 /// The coefficients of a result of method galerkin: N x 2n.
 RowMatrix galerkin_coefficients(const Result&);
 

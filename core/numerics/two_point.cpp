@@ -13,22 +13,22 @@ namespace bromwich {
 
 namespace {
 
-// Scales equations to size 1: a QR factorization loses small rows beside larger ones.
-Segment with_comparable_rows(Segment s) {
-  for (Index i = 0; i < s.r.size(); ++i) {
-    const double size = std::max(s.V.row(i).cwiseAbs().maxCoeff(), s.U.row(i).cwiseAbs().maxCoeff());
-    if (!(size > 0)) continue;
-    s.V.row(i) /= size;
-    s.U.row(i) /= size;
-    s.r[i] /= size;
-  }
-  return s;
+// [V U] = L Q with orthonormal rows Q: V x_i + U x_j = r becomes Q (x_i; x_j) = L^{-1} r. Rows that are scaled alone
+// become more and more alike in the course of thousands of steps.
+Segment with_orthonormal_rows(const Segment& s) {
+  const Index m = s.r.size();
+  Matrix rows(2 * m, m);
+  rows << s.V.transpose(), s.U.transpose();
+  const Eigen::HouseholderQR<Matrix> qr(rows);
+  const Matrix Q = qr.householderQ() * Matrix::Identity(2 * m, m);
+  const auto L = qr.matrixQR().topRows(m).template triangularView<Eigen::Upper>().transpose();
+  return {Q.topRows(m).transpose(), Q.bottomRows(m).transpose(), L.solve(s.r)};
 }
 
 }  // namespace
 
 Segment step_segment(const Matrix& P, const Vector& p) {
-  return with_comparable_rows({-P, Matrix::Identity(P.rows(), P.rows()), p});
+  return with_orthonormal_rows({-P, Matrix::Identity(P.rows(), P.rows()), p});
 }
 
 Segment joined(const Segment& first, const Segment& second, InnerState* inner) {
@@ -44,7 +44,7 @@ Segment joined(const Segment& first, const Segment& second, InnerState* inner) {
     const Matrix x = qr.matrixQR().topRows(m).template triangularView<Eigen::Upper>().solve(Matrix(rest.topRows(m)));
     *inner = {-x.leftCols(m), -x.middleCols(m, m), x.col(2 * m)};
   }
-  return with_comparable_rows({rest.bottomLeftCorner(m, m), rest.block(m, m, m, m), rest.bottomRightCorner(m, 1)});
+  return with_orthonormal_rows({rest.bottomLeftCorner(m, m), rest.block(m, m, m, m), rest.bottomRightCorner(m, 1)});
 }
 
 Segment repeated(const Matrix& P, const Vector& p, Index N) {
@@ -213,18 +213,88 @@ RowMatrix solve_two_point_krylov(const std::vector<const Matrix*>& P, const RowM
   return x;
 }
 
-RowMatrix solve_two_point(const std::vector<const Matrix*>& P, const RowMatrix& p, const BoundaryCondition& boundary,
-                          double least_condition) {
+namespace {
+
+// Powers of 2 in which the states have comparable sizes: D^{-1} |P| D with rows and columns of equal size, for the sum
+// of all maps (B. N. Parlett and C. Reinsch, Numer. Math. 13, 1969).
+Vector units_of(const std::vector<const Matrix*>& maps, Index m) {
+  constexpr int most_sweeps = 20;
+  Matrix size = Matrix::Zero(m, m);
+  for (const Matrix* map : maps) size += map->cwiseAbs();
+  size.diagonal().setZero();
+  Vector D = Vector::Ones(m);
+  if (!size.allFinite()) return D;
+  bool changed = true;
+  for (int sweep = 0; changed && sweep < most_sweeps; ++sweep) {
+    changed = false;
+    for (Index i = 0; i < m; ++i) {
+      const double column = size.col(i).sum(), row = size.row(i).sum();
+      if (!(column > 0 && row > 0)) continue;
+      const double unit = std::exp2(std::round(std::log2(row / column) / 2));
+      if (unit == 1 || !std::isfinite(unit) || unit == 0) continue;
+      size.col(i) *= unit;
+      size.row(i) /= unit;
+      D[i] *= unit;
+      changed = true;
+    }
+  }
+  return D;
+}
+
+// Whether x_k = P_k x_{k-1} + p_k holds, relative to its terms and to the largest values of each state.
+bool holds_in_steps(const std::vector<const Matrix*>& P, const RowMatrix& p, const RowMatrix& x) {
+  constexpr double accepted = 1e-9;
+  const Vector largest = x.cwiseAbs().colwise().maxCoeff().transpose();
+  Vector apart(p.cols()), terms(p.cols());
+  for (Index k = 0; k < p.rows(); ++k) {
+    const Matrix& step = *P[std::size_t(k)];
+    apart = x.row(k + 1).transpose() - p.row(k).transpose();
+    apart.noalias() -= step.lazyProduct(x.row(k).transpose());
+    terms = largest;
+    terms.noalias() += step.cwiseAbs().lazyProduct(x.row(k).cwiseAbs().transpose());
+    if (!(apart.array().abs() <= accepted * terms.array()).all()) return false;
+  }
+  return true;
+}
+
+RowMatrix solve_in_units(const std::vector<const Matrix*>& P, const RowMatrix& p, const BoundaryCondition& boundary,
+                         double least_condition) {
   RowMatrix x;
   if (p.cols() >= fewest_krylov_states) {
     x = solve_two_point_krylov(P, p, boundary);
-    return x.rows() > 0 ? x : solve_two_point_by_segments(P, p, boundary, least_condition);
-  }
-  for (const Index length : block_lengths) {
-    x = solve_two_point_in_blocks(P, p, boundary, least_condition, length);
     if (x.rows() > 0) return x;
+  } else {
+    for (const Index length : block_lengths) {
+      x = solve_two_point_in_blocks(P, p, boundary, least_condition, length);
+      if (x.rows() > 0) return x;
+    }
   }
-  return solve_two_point_by_segments(P, p, boundary, least_condition);
+  x = solve_two_point_by_segments(P, p, boundary, least_condition);
+  return x.rows() > 0 && holds_in_steps(P, p, x) ? x : RowMatrix(0, p.cols());
+}
+
+}  // namespace
+
+RowMatrix solve_two_point(const std::vector<const Matrix*>& P, const RowMatrix& p, const BoundaryCondition& boundary,
+                          double least_condition) {
+  std::vector<const Matrix*> maps = P;
+  std::sort(maps.begin(), maps.end());
+  maps.erase(std::unique(maps.begin(), maps.end()), maps.end());
+  const Vector D = units_of(maps, p.cols());
+  if (D.isOnes(0)) return solve_in_units(P, p, boundary, least_condition);
+  std::vector<Matrix> scaled;
+  scaled.reserve(maps.size());
+  std::unordered_map<const Matrix*, const Matrix*> scaled_of;
+  for (const Matrix* map : maps) {
+    scaled.push_back(D.cwiseInverse().asDiagonal() * *map * D.asDiagonal());
+    scaled_of[map] = &scaled.back();
+  }
+  std::vector<const Matrix*> steps(P.size());
+  std::transform(P.begin(), P.end(), steps.begin(), [&](const Matrix* map) { return scaled_of[map]; });
+  const RowMatrix x =
+      solve_in_units(steps, p * D.cwiseInverse().asDiagonal(),
+                     {boundary.E0 * D.asDiagonal(), boundary.ET * D.asDiagonal(), boundary.b}, least_condition);
+  return x * D.asDiagonal();
 }
 
 RowMatrix solve_two_point_by_segments(const std::vector<const Matrix*>& P, const RowMatrix& p,

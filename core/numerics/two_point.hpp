@@ -43,8 +43,9 @@ struct EndStates {
 EndStates solve_ends(const Segment&, const BoundaryCondition&);
 
 /// All states, (N+1) x m; P has N pointers, p is N x m. Empty (no rows) if the reciprocal condition is below
-/// `least_condition`. With many states x_0 by a Krylov method, with few in blocks of steps, shorter ones if rounding
-/// grows too much; if these fail, by segments.
+/// `least_condition`, or if rounding spoils the steps. With many states x_0 by a Krylov method, with few in blocks of
+/// steps, shorter ones if rounding grows too much; if these fail, by segments. In units of its own: those of the states
+/// do not matter.
 RowMatrix solve_two_point(const std::vector<const Matrix*>& P, const RowMatrix& p, const BoundaryCondition&,
                           double least_condition);
 

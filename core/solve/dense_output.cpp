@@ -90,16 +90,16 @@ Index steps_between(const Scene& scene, Method method) {
   return scene.dynamics->small_state() && method != Method::euler ? parts : 1;
 }
 
-// Row k by a march over the length that is left, from the state x at the time point before. False if it is not solved.
-bool sample_by_a_step(const Scene& scene, Backend& backend, const Place& at, const Vector& x, Index k,
+// Row k by a march over the length s that is left, from the state x at the time point t before. False if it is not
+// solved.
+bool sample_by_a_step(const Scene& scene, Backend& backend, double t, double s, const Vector& x, Index k,
                       Result& sampled) {
-  const double h = scene.T / double(sampled.steps);
   Options options;
   options.method = Method::march;
   options.steps = steps_between(scene, options.method);
   options.states = StateSelection::all;
   options.trace = sampled.trace.cols() > 0;
-  const Result one = solve(part_of(scene, double(at.row) * h, at.part * h, x), backend, options);
+  const Result one = solve(part_of(scene, t, s, x), backend, options);
   if (one.status != Status::solved || !one.continuous) return false;
   sampled.y.row(k) = one.y.row(options.steps);
   sampled.x.row(k) = one.x.row(options.steps)(sampled.x_components);
@@ -140,9 +140,10 @@ void sample(const Scene& given, Backend& backend, const Result& result, const st
   for (std::size_t i = 0; i < between.size(); ++i) {
     check_interruption();
     const Place& at = there[i];
-    if (bends.inside(at.row) && sample_by_a_step(scene, backend, at, before.col(Index(i)), between[i], sampled))
+    const double t = double(at.row) * h, s = at.part * h;
+    if (bends.inside(at.row) && sample_by_a_step(scene, backend, t, s, before.col(Index(i)), between[i], sampled))
       continue;
-    const Vector x = carried(scene, backend, result.y, before.col(Index(i)), double(at.row) * h, at.part * h, at);
+    const Vector x = carried(scene, backend, result.y, before.col(Index(i)), t, s, at);
     sampled.x.row(between[i]) = x(result.x_components);
     if (sampled.trace.cols() > 0) sampled.trace.row(between[i]) = observe(scene.dynamics, x).transpose();
   }
@@ -196,6 +197,48 @@ void sample_by_steps(const Scene& given, Backend& backend, const Result& result,
     sampled.y.row(k) = one.y.row(options.steps);
     sampled.x.row(k) = one.x.row(options.steps)(result.x_components);
     if (options.trace) sampled.trace.row(k) = one.trace.row(options.steps);
+  }
+}
+
+bool any_inside(const std::vector<double>& times, double begin, double end) {
+  const auto next = std::upper_bound(times.begin(), times.end(), begin);
+  return next != times.end() && *next < end;
+}
+
+// Method galerkin: values at nodes are those of the result. The states between them begin at the node before. Where
+// sources jump in an interval or an active set changes, y is no line there: a march goes on from the node.
+void sample_intervals(const Scene& given, Backend& backend, const Result& result, Result& sampled) {
+  std::vector<Index> between;
+  std::vector<double> there;
+  for (Index k = 0; k < sampled.t.size(); ++k) {
+    const Index node = node_at(result.t, sampled.t[k]);
+    if (node < 0) {
+      between.push_back(k);
+      there.push_back(sampled.t[k]);
+      continue;
+    }
+    sampled.y.row(k) = result.y.row(node);
+    if (result.x.rows() > node) sampled.x.row(k) = result.x.row(node);
+    if (result.trace.rows() > node) sampled.trace.row(k) = result.trace.row(node);
+  }
+  if (between.empty()) return;
+  const Scene scene = with_all_breakpoints(given);
+  Result whole = with_all_states(scene, backend, result);
+  if (whole.t.size() != result.t.size() || whole.t != result.t) whole = result;
+  const bool known = Index(whole.x_components.size()) == scene.states() && whole.x.rows() == whole.t.size();
+  const GalerkinOutput output = galerkin_at(scene, whole, there);
+  for (std::size_t i = 0; i < between.size(); ++i) {
+    check_interruption();
+    const Index k = interval_at(result.t, there[i]);
+    sampled.y.row(between[i]) = output.y.row(Index(i));
+    sampled.x.row(between[i]) = output.x.row(Index(i))(result.x_components);
+    if (sampled.trace.cols() > 0)
+      sampled.trace.row(between[i]) = observe(scene.dynamics, output.x.row(Index(i)).transpose()).transpose();
+    const bool bends = any_inside(scene.breakpoints, result.t[k], result.t[k + 1]) ||
+                       ((result.y_left.row(k).array() > 0) != (result.y.row(k + 1).array() > 0)).any();
+    if (known && bends && scene.dynamics->small_state() && whole.x.row(k).allFinite())
+      sample_by_a_step(scene, backend, result.t[k], there[i] - result.t[k], whole.x.row(k).transpose(), between[i],
+                       sampled);
   }
 }
 
@@ -268,11 +311,7 @@ Result at_times(const Scene& scene, Backend& backend, const Result& result, cons
   sampled.trace = RowMatrix::Constant(count, result.trace.cols(), NAN);
   sampled.y_integral.resize(0, 0);
   if (result.y_left.size() > 0) {
-    const GalerkinOutput output = galerkin_at(scene, result, times);
-    sampled.y = output.y;
-    sampled.x = output.x(Eigen::all, result.x_components);
-    for (Index k = 0; k < count && sampled.trace.cols() > 0; ++k)
-      sampled.trace.row(k) = observe(scene.dynamics, output.x.row(k).transpose()).transpose();
+    sample_intervals(scene, backend, result, sampled);
     sampled.y_left.resize(0, 0);
   } else if (!sample_located(scene, result, places, sampled)) {
     if (by_steps(scene, result))
@@ -281,7 +320,8 @@ Result at_times(const Scene& scene, Backend& backend, const Result& result, cons
       sample(scene, backend, result, places, sampled);
   }
   for (Index k = 0; k < count && sampled.trace.cols() > 0; ++k)
-    if (places[std::size_t(k)].part == 0) sampled.trace.row(k) = result.trace.row(places[std::size_t(k)].row);
+    if (result.y_left.size() == 0 && places[std::size_t(k)].part == 0)
+      sampled.trace.row(k) = result.trace.row(places[std::size_t(k)].row);
   return sampled;
 }
 
