@@ -16,7 +16,16 @@ _variant, _openmp = _load.core()
 from . import _core
 from ._arrays import Tridiagonal
 from ._array_solver import ArrayResult, ArraySolver, SharedArray
-from ._derivative import BatchDerivative, Derivative, Gradient, Margin, ParameterGradient, QuantityGradient, Tangent
+from ._derivative import (
+    BatchDerivative,
+    Derivative,
+    Gradient,
+    Margin,
+    ParameterDerivative,
+    ParameterGradient,
+    QuantityGradient,
+    Tangent,
+)
 from ._dynamics import Dynamics, Kronecker
 from ._errors import (
     DeviceError,
@@ -58,6 +67,7 @@ __all__ = [
     "NonlinearResult",
     "NotSolved",
     "NotSolvedWarning",
+    "ParameterDerivative",
     "ParameterGradient",
     "QuantityGradient",
     "Result",

@@ -1,7 +1,8 @@
-"""Derivatives of a result with respect to the data of its scene."""
+"""Derivatives of a result with respect to the data of its scene, and to its parameters."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -12,6 +13,7 @@ from ._sources import _require, source
 
 if TYPE_CHECKING:
     from ._result import Result
+    from ._scene import Scene
 
 
 class Tangent(NamedTuple):
@@ -28,8 +30,8 @@ class Gradient(NamedTuple):
     """Derivatives of a number with respect to the data, each of the shape of its data: x0 (m), f (J+1) x m and g (J+1) x
     n at the time points, A, B, N, M and E. M is None where y jumps at a switch or M is singular on an active set (a change
     of M acts from one side only), E is None where switches are not located. Of scenes with more than 1000 states there
-    are x0 (None for dynamics of callbacks), f (through B: (J+1) x n), g and M. Of boundary-value problems there are b
-    (m), f, g and M."""
+    are x0 (None for dynamics of callbacks), f (through B: (J+1) x n), g and M. Boundary-value problems have b (m), E0
+    and ET in place of x0."""
 
     x0: np.ndarray | None
     f: np.ndarray
@@ -40,6 +42,8 @@ class Gradient(NamedTuple):
     M: np.ndarray | None
     E: np.ndarray | None
     b: np.ndarray | None = None
+    E0: np.ndarray | None = None
+    ET: np.ndarray | None = None
 
 
 class ParameterGradient(NamedTuple):
@@ -124,23 +128,25 @@ class Derivative:
         M: Any = None,
         E: Any = None,
         b: Any = None,
+        E0: Any = None,
+        ET: Any = None,
         states: bool = False,
     ) -> Tangent:
         """The change of the solution that a change of the data causes, to first order.
 
         Args:
-            x0: m values. f, g: (J+1) x m and (J+1) x n, at the time points. A, B, N, M, E: as those of the scene. b: m
-                values, the right-hand side of a boundary condition. None: no change.
+            x0: m values. f, g: (J+1) x m and (J+1) x n, at the time points. A, B, N, M, E: as those of the scene. b, E0,
+                ET: m values and m x m, of a boundary condition. None: no change.
             states: whether x of scenes with more than 1000 states is wanted, (J+1) x m numbers; smaller ones always have it.
 
         Raises:
             Error: another shape, or entries that are not finite; a change of M where :attr:`without_M` says that there is no
                 derivative.
         """
-        tables = {"f": f, "g": g, "A": A, "B": B, "N": N, "M": M, "E": E}
-        arrays = [None if v is None else _table(v, name) for name, v in tables.items()]
+        tables = {"f": f, "g": g, "A": A, "B": B, "N": N, "M": M, "E": E, "E0": E0, "ET": ET}
+        *arrays, E0, ET = [None if v is None else _table(v, name) for name, v in tables.items()]
         ends = [None if v is None else _values(v, name).ravel() for name, v in (("x0", x0), ("b", b))]
-        return Tangent(*self._core.jvp(ends[0], *arrays, ends[1], bool(states)))
+        return Tangent(*self._core.jvp(ends[0], *arrays, ends[1], E0, ET, bool(states)))
 
     def vjp(
         self, *, y: Any = None, x: Any = None, w: Any = None, integral: Any = None, x0: bool = True
@@ -204,10 +210,7 @@ class Derivative:
         Returns:
             ``value``, ``gradient`` (a :class:`Gradient`) and ``weights`` ((J+1) x m, dI/dx, to weigh a :class:`Tangent`).
         """
-        tables = [None if v is None else _table(v, name) for name, v in (("W", W), ("end_W", end_W))]
-        entering = source(c, "c", self._core.states, float(self._result.t[-1]), {})
-        end = None if end_c is None else _values(end_c, "end_c").ravel()
-        value, weights = self._core.quantity(tables[0], entering, tables[1], end)
+        value, weights = self._core.quantity(*_members(W, c, end_W, end_c, self._core.states, self._result))
         return QuantityGradient(value, self.vjp(x=weights), weights)
 
 
@@ -217,6 +220,118 @@ class QuantityGradient(NamedTuple):
     value: float
     gradient: Gradient
     weights: np.ndarray
+
+
+class ParameterDerivative:
+    """The derivative of a solution with respect to parameters of its scene.
+
+    Made by :meth:`Result.derivative` with ``parameters``. The derivative with respect to the data of the scene is exact; how
+    the data change with the parameters is found by central differences of the data (``words`` says how far apart). No scene is
+    solved again. Rows are those of the result.
+
+    Attributes:
+        parameters: names and values.
+        t: times of the rows.
+
+    Example:
+        >>> r = solve(Scene.from_toml("circuit.toml"))
+        >>> d = r.derivative(parameters=["R", "C"])
+        >>> d.jacobian()["R"].y                  # dy/dR at all times
+        >>> d.vjp(x=last)["C"]                   # of the number that the weights `last` make of x
+    """
+
+    def __init__(
+        self,
+        result: Result,
+        parameters: str | Iterable[str] | Mapping[str, float],
+        scene_of: Callable[..., Scene] | None = None,
+        located: bool | None = None,
+    ) -> None:
+        scene = result.scene
+        known = scene.parameters
+        if isinstance(parameters, Mapping):
+            _require(scene_of is not None, "parameters", "have values without scene_of", "give their names, ['R', 'C']")
+            values = {name: float(value) for name, value in parameters.items()}
+        else:
+            _require(scene_of is None, "parameters", "have no values for scene_of", "give a mapping, {'R': 1e3}")
+            names = [parameters] if isinstance(parameters, str) else list(parameters)
+            for name in names:
+                _require(name in known, "parameters", f"found {name!r}", f"use parameters of the scene: {', '.join(known)}")
+            values = {name: known[name] for name in names}
+        _require(bool(values), "parameters", "are none", "name one or more")
+
+        def model(name: str, value: float) -> _core.Model:
+            made = scene._with(name, value) if scene_of is None else scene_of(**{**values, name: value})
+            return made._model
+
+        self.parameters: dict[str, float] = values
+        self.t: np.ndarray = result.t
+        self._result = result
+        self._core = _core.ParameterDerivative(result._answer, list(values), list(values.values()), model, located)
+
+    @property
+    def form(self) -> str:
+        """As :attr:`Derivative.form`."""
+        return self._core.form
+
+    @property
+    def words(self) -> str:
+        """The form, and how the data were differentiated."""
+        return self._core.words
+
+    @property
+    def located(self) -> bool:
+        """Whether switches are located."""
+        return self._core.switches is not None
+
+    @property
+    def switches(self) -> np.ndarray | None:
+        """Times of the switches; None where they are not located."""
+        found = self._core.switches
+        return None if found is None else np.array(found, dtype=float)
+
+    @property
+    def one_sided(self) -> np.ndarray:
+        """Rows at a switch: they are limits from the right."""
+        return np.array(self._core.one_sided, dtype=int)
+
+    @property
+    def margin(self) -> Margin:
+        """As :attr:`Derivative.margin`."""
+        return Margin(*self._core.margin)
+
+    def jvp(self, *, states: bool = False, **changes: float) -> Tangent:
+        """The change of the solution with a change of the parameters, to first order: ``jvp(R=1.0)`` is the derivative by R.
+
+        Args:
+            states: as for :meth:`Derivative.jvp`.
+            changes: numbers by name; others do not change.
+
+        Raises:
+            Error: a name that is not among ``parameters``; a change of M, where it acts from one side only.
+        """
+        for name in changes:
+            _require(name in self.parameters, name, "is not differentiated by", f"use {', '.join(self.parameters)}")
+        by = np.array([float(changes.get(name, 0.0)) for name in self.parameters])
+        return Tangent(*self._core.jvp(by, bool(states)))
+
+    def jacobian(self, *, states: bool = False) -> dict[str, Tangent]:
+        """The derivative by each parameter, under its name."""
+        return {name: self.jvp(states=states, **{name: 1.0}) for name in self.parameters}
+
+    def vjp(self, *, y: Any = None, x: Any = None, w: Any = None, integral: Any = None) -> dict[str, float]:
+        """The gradient of the number of :meth:`Derivative.vjp` with respect to the parameters, by one pass for all of them."""
+        tables = {"y": y, "x": x, "w": w, "integral": integral}
+        found = self._core.vjp(*(None if v is None else _table(v, name) for name, v in tables.items()))
+        return dict(zip(self.parameters, found))
+
+    def quantity(
+        self, *, W: Any = None, c: Any = None, end_W: Any = None, end_c: Any = None
+    ) -> tuple[float, dict[str, float]]:
+        """A quantity of interest, as for :meth:`Derivative.quantity`, and its gradient with respect to the parameters. That of
+        the scene file may depend on them itself."""
+        value, found = self._core.quantity(*_members(W, c, end_W, end_c, self._core.states, self._result))
+        return value, dict(zip(self.parameters, found))
 
 
 class BatchDerivative:
@@ -285,3 +400,11 @@ def _values(v: Any, name: str) -> np.ndarray:
 
 def _table(v: Any, name: str) -> np.ndarray:
     return np.atleast_2d(_values(v, name))
+
+
+def _members(W: Any, c: Any, end_W: Any, end_c: Any, states: int, result: Result) -> tuple:
+    """Those of a quantity, as the compiled part takes them."""
+    tables = [None if v is None else _table(v, name) for name, v in (("W", W), ("end_W", end_W))]
+    entering = source(c, "c", states, float(result.t[-1]), {})
+    end = None if end_c is None else _values(end_c, "end_c").ravel()
+    return tables[0], entering, tables[1], end
