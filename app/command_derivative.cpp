@@ -93,7 +93,7 @@ std::string margin_in_words(const DerivativeMargin& m) {
 
 std::string in_words(const SceneChoice& choice, const ParameterDerivative& d, const Result& r, const Table& table) {
   std::string text = fmt::format("scene       {}, {} steps by {}\n", choice.scene.name, r.steps, to_string(r.method));
-  text += fmt::format("derivative  of the {}\n", d.in_words());
+  text += fmt::format("{}\n", d.in_words());
   text += fmt::format("margin      {}\n", margin_in_words(d.of_data().margin()));
   std::vector<std::string> head{"quantity", "t", "value"};
   for (const std::string& name : d.names())

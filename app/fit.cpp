@@ -200,7 +200,7 @@ class Problem {
       if (of_trace && d.change(i).N.size() > 0) throw Error("derivative", "N changes, and N x is measured", "");
       J.col(i) = column(d.jvp(i, true), d.times(), scene);
     }
-    derivatives_ = "derivative of the " + d.in_words();
+    derivatives_ = d.in_words();
     return J;
   }
 

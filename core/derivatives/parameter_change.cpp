@@ -124,43 +124,61 @@ bool jumps_at(const Scene& scene, double t) {
   return false;
 }
 
-// The breakpoints that move with the parameter. Jumps among them are refused.
+// The breakpoints that move with the parameter.
 void find_moving(ParameterNeighbours& n, const Scene& scene) {
-  n.moving_kinks.clear();
+  n.moving.clear();
   n.moved = 0;
   const std::vector<double> here = breakpoints_of(scene);
-  for (const ParameterScene& p : n.at) {
-    const std::vector<double> there = breakpoints_of(p.scene);
-    const bool paired = here.size() == there.size();
-    for (std::size_t i = 0; i < std::max(here.size(), there.size()); ++i) {
-      const double moved = paired ? std::abs(here[i] - there[i]) : scene.T;
-      if (moved <= same_breakpoint * scene.T) continue;
-      const bool jump =
-          (i < here.size() && jumps_at(scene, here[i])) || (i < there.size() && jumps_at(p.scene, there[i]));
-      const double t = i < here.size() ? here[i] : there[i];
-      if (jump)
-        refuse_parameter(n.name, text("a jump of f or g at t = %.6g moves with it", t),
-                         "state a steep slope in place of the jump");
-      if (!paired) continue;
-      n.moving_kinks.push_back(t);
-      n.moved = std::max(n.moved, moved);
-    }
+  std::array<std::vector<double>, 4> there;
+  bool paired = true;
+  for (std::size_t k = 0; k < 4; ++k) {
+    there[k] = breakpoints_of(n.at[k].scene);
+    paired = paired && there[k].size() == here.size();
   }
-  std::sort(n.moving_kinks.begin(), n.moving_kinks.end());
-  n.moving_kinks.erase(std::unique(n.moving_kinks.begin(), n.moving_kinks.end()), n.moving_kinks.end());
+  const auto refuse_unpaired = [&](const Scene& of, const std::vector<double>& times) {
+    for (const double t : times)
+      if (jumps_at(of, t))
+        refuse_parameter(n.name, text("jumps of f and g appear or vanish with it (one is at t = %.6g)", t),
+                         "choose another value");
+  };
+  if (!paired) {
+    refuse_unpaired(scene, here);
+    for (std::size_t k = 0; k < 4; ++k) refuse_unpaired(n.at[k].scene, there[k]);
+    return;
+  }
+  for (std::size_t i = 0; i < here.size(); ++i) {
+    double moved = 0;
+    for (const std::vector<double>& times : there) moved = std::max(moved, std::abs(times[i] - here[i]));
+    if (moved <= same_breakpoint * scene.T) continue;
+    n.moving.push_back(here[i]);
+    n.moved = std::max(n.moved, moved);
+    if (jumps_at(scene, here[i]))
+      n.jumps.push_back({here[i], (8 * (there[2][i] - there[1][i]) - (there[3][i] - there[0][i])) / (12 * n.step)});
+  }
+}
+
+// The same times, but those that a jump moves over: just beside it, on their side. A jump itself counts as after it.
+Vector beside_jumps(const ParameterNeighbours& n, const Vector& t, double T) {
+  Vector times = t;
+  const double beside = 2 * n.moved + 1e-9 * T;
+  for (const MovingJump& jump : n.jumps)
+    for (double& at : times)
+      if (std::abs(at - jump.t) < beside) at = std::clamp(at < jump.t ? jump.t - beside : jump.t + beside, 0.0, T);
+  return times;
 }
 
 // Rows of tables that a kink moves over.
 std::vector<bool> rows_with_kinks(const ParameterNeighbours& n, const Vector& t, double T) {
   std::vector<bool> rows(std::size_t(t.size()), false);
-  for (const double kink : n.moving_kinks)
+  for (const double kink : n.moving)
     for (Index j = 0; j < t.size(); ++j)
       if (std::abs(t[j] - kink) <= n.moved + 1e-9 * T) rows[std::size_t(j)] = true;
   return rows;
 }
 
 // Empty, or the member that is not smooth on this distance.
-std::string not_smooth(const ParameterNeighbours& n, const Scene& scene, const Vector& t, bool written_out) {
+std::string not_smooth(const ParameterNeighbours& n, const Scene& scene, const Vector& at, bool written_out) {
+  const Vector t = beside_jumps(n, at, scene.T);
   const bool dynamics = !same_dynamics(n, scene);
   const SceneData here = data_of(scene, t, written_out, dynamics);
   std::array<SceneData, 4> there;
@@ -183,7 +201,7 @@ std::string not_smooth(const ParameterNeighbours& n, const Scene& scene, const V
 }
 
 ParameterNeighbours at_distance(const VariedParameter& p, const Scene& scene, double relative) {
-  ParameterNeighbours n{p.name, relative * (p.value != 0 ? std::abs(p.value) : 1), {}, {}, 0};
+  ParameterNeighbours n{p.name, relative * (p.value != 0 ? std::abs(p.value) : 1), {}, {}, 0, {}};
   const double by[] = {-2, -1, 1, 2};
   for (std::size_t i = 0; i < 4; ++i) {
     try {
@@ -273,7 +291,7 @@ ParameterNeighbours neighbours_of(const VariedParameter& p, const Scene& scene, 
   std::string member;
   for (double relative : steps_to_try) {
     ParameterNeighbours n = at_distance(p, scene, relative);
-    if (!n.moving_kinks.empty() && relative > step_with_moving_kinks)
+    if (!n.moving.empty() && relative > step_with_moving_kinks)
       n = at_distance(p, scene, relative = step_with_moving_kinks);
     member = not_smooth(n, scene, t, written_out);
     if (member.empty()) return n;
@@ -283,7 +301,8 @@ ParameterNeighbours neighbours_of(const VariedParameter& p, const Scene& scene, 
                    "choose another value");
 }
 
-ParameterChange parameter_change(const ParameterNeighbours& n, const Scene& scene, const Vector& t, bool written_out) {
+ParameterChange parameter_change(const ParameterNeighbours& n, const Scene& scene, const Vector& at, bool written_out) {
+  const Vector t = beside_jumps(n, at, scene.T);
   const bool dynamics = !same_dynamics(n, scene);
   std::array<SceneData, 4> there;
   for (std::size_t i = 0; i < 4; ++i) there[i] = data_of(n.at[i].scene, t, written_out, dynamics);
@@ -295,6 +314,7 @@ ParameterChange parameter_change(const ParameterNeighbours& n, const Scene& scen
     if ((change.*member).isZero(0)) (change.*member).resize(0, 0);
   });
   ParameterChange found;
+  found.jumps = n.jumps;
   found.data = {change.x0.reshaped(), change.f, change.g, change.A, change.B, change.N, change.M, change.E,
                 change.b.reshaped()};
   found.data.E0 = change.E0, found.data.ET = change.ET;

@@ -5,7 +5,8 @@
 //
 // for x0, b, the matrices, and the tables of f and g. d is 1e-3 p, or smaller where the data bend on that distance:
 // the two-point formula with d has to give the same to 1e-4, so that the error of this one is about 1e-8 or less. Data
-// that have a kink at p are refused, and so are jumps of f and g in time that move with the parameter.
+// that have a kink at p are refused. Where a source jumps in time, rows beside the jump have the limits of their side,
+// and the time of the jump is differentiated too.
 
 #include "../goal/quantities.hpp"
 #include "../kernel/discrete_problem.hpp"
@@ -39,21 +40,24 @@ struct ParameterNeighbours {
   std::string name;
   double step = 0;  ///< d
   std::array<ParameterScene, 4> at;
-  /// Times near which sources have a kink that moves with the parameter, and how far.
-  std::vector<double> moving_kinks;
+  /// Times near which sources have a kink or a jump that moves with the parameter, and how far at most.
+  std::vector<double> moving;
   double moved = 0;
+  std::vector<MovingJump> jumps;  ///< those with a jump, change: per unit of the parameter
 };
 
 /// Per unit of the parameter.
 struct ParameterChange {
   DataChange data;
-  KroneckerChange sum = {};  ///< of a Kronecker sum that is not written out
-  bool of_sum = false;       ///< whether `sum` is not zero
+  KroneckerChange sum = {};            ///< of a Kronecker sum that is not written out
+  bool of_sum = false;                 ///< whether `sum` is not zero
+  std::vector<MovingJump> jumps = {};  ///< times at which f or g jumps
 };
 
 /// `t`: times at which the data are looked at to choose d. `written_out`: A, B, N and E as dense matrices and f with m
 /// columns; otherwise f is that of f = B f. Throws Error where the scene for a neighbouring value cannot be made or
-/// has other sizes, T, free rows or ends, where jumps of f or g move, and where the data are not smooth at p.
+/// has other sizes, T, free rows or ends, where jumps of f or g appear or vanish, and where the data are not smooth at
+/// p.
 ParameterNeighbours neighbours_of(const VariedParameter&, const Scene&, const Vector& t, bool written_out);
 
 /// With tables at the times `t`. Throws Error where the dynamics change and are not written out, except for what

@@ -56,16 +56,16 @@ Vector fine_times(const Vector& rows, const std::vector<ParameterNeighbours>& ne
   const Vector all = with_middles(rows);
   std::vector<double> kinks = scene.breakpoints;
   for (const ParameterNeighbours& n : neighbours) {
-    kinks.insert(kinks.end(), n.moving_kinks.begin(), n.moving_kinks.end());
+    kinks.insert(kinks.end(), n.moving.begin(), n.moving.end());
     moved = std::max(moved, n.moved);
   }
   std::vector<double> more;
   for (const ParameterNeighbours& n : neighbours) {
     const DataChange c = parameter_change(n, scene, all, true).data;
     bend = std::max({bend, bend_of(c.f, all, kinks), bend_of(c.g, all, kinks)});
-    for (const double kink : n.moving_kinks) {  // the change has other limits on both sides
+    for (const double at : n.moving) {  // the change has other limits on both sides
       const double beside = 2 * n.moved + 1e-9 * scene.T;
-      more.push_back(kink - beside), more.push_back(kink + beside);
+      more.push_back(at - beside), more.push_back(at + beside);
     }
   }
   const Index J = rows.size() - 1;
@@ -74,6 +74,13 @@ Vector fine_times(const Vector& rows, const std::vector<ParameterNeighbours>& ne
   for (Index j = 0; j < J; ++j)
     for (Index k = 1; k < parts; ++k) more.push_back(rows[j] + (rows[j + 1] - rows[j]) * double(k) / double(parts));
   return merged_times(rows, more);
+}
+
+bool at_moving_jump(const std::vector<ParameterNeighbours>& neighbours, double t, double T) {
+  return std::any_of(neighbours.begin(), neighbours.end(), [&](const ParameterNeighbours& n) {
+    return std::any_of(n.jumps.begin(), n.jumps.end(),
+                       [&](const MovingJump& jump) { return std::abs(jump.t - t) <= 1e-9 * T; });
+  });
 }
 
 std::vector<Index> places_of(const Vector& rows, const Vector& times) {
@@ -102,8 +109,15 @@ std::vector<ParameterNeighbours> all_neighbours(const std::vector<VariedParamete
 ResultDerivative of_result(const Scene& scene, const Result& result, Backend& backend, std::optional<bool> located,
                            const Vector& rows, const std::vector<ParameterNeighbours>& neighbours) {
   const bool may_be = ResultDerivative::may_be_located(scene);
-  return ResultDerivative(scene, result, backend, located,
-                          may_be && rows.size() > 1 ? fine_times(rows, neighbours, scene) : Vector());
+  for (const ParameterNeighbours& n : neighbours) {
+    if (n.jumps.empty() || scene.boundary) continue;  // method galerkin divides its intervals at jumps
+    if (!may_be || !located.value_or(true))
+      throw Error("derivative", text("by %s: a jump of f or g at t = %.6g moves with it", n.name.c_str(), n.jumps[0].t),
+                  may_be ? "take the derivative with located switches" : "state a steep slope in place of the jump");
+    located = true;
+  }
+  return ResultDerivative(scene, result, backend, located, may_be ? fine_times(rows, neighbours, scene) : Vector(),
+                          true);
 }
 
 // sum + c value, of tables that may be empty.
@@ -130,11 +144,15 @@ ParameterDerivative::ParameterDerivative(const Scene& scene, const Result& resul
     t_ = of_data_.times();
   if (const SwitchedDerivative* switched = of_data_.switched())
     for (Index j = 0; j < t_.size(); ++j)
-      if (std::binary_search(switched->one_sided().begin(), switched->one_sided().end(), rows_[std::size_t(j)]))
+      if (std::binary_search(switched->one_sided().begin(), switched->one_sided().end(), rows_[std::size_t(j)]) ||
+          at_moving_jump(neighbours_, t_[j], scene.T))
         one_sided_.push_back(j);
   for (std::size_t i = 0; i < parameters.size(); ++i) {
     names_.push_back(parameters[i].name);
-    changes_.push_back(parameter_change(neighbours_[i], scene, of_data_.times(), is_written_out(scene)));
+    const ParameterNeighbours& n = neighbours_[i];
+    changes_.push_back(parameter_change(n, scene, of_data_.times(), is_written_out(scene)));
+    if (const GalerkinDerivative* galerkin = of_data_.of_boundary_values())
+      of_problem_.push_back(galerkin->change({&n.at[0].scene, &n.at[1].scene, &n.at[2].scene, &n.at[3].scene}, n.step));
     const double size = parameters[i].value != 0 ? std::abs(parameters[i].value) : 1;
     distance_ = std::max(distance_, 2 * neighbours_[i].step / size);
   }
@@ -142,8 +160,14 @@ ParameterDerivative::ParameterDerivative(const Scene& scene, const Result& resul
 }
 
 std::string ParameterDerivative::in_words() const {
-  return text("%s; data of the scene by central differences within %.0e of the parameters", to_string(of_data_.form()),
-              distance_);
+  const DerivativeForm form = of_data_.form();
+  const char* before = of_data_.located()                  ? "with "
+                       : form == DerivativeForm::modes     ? "in "
+                       : form == DerivativeForm::all_times ? ""
+                       : form == DerivativeForm::boundary  ? "of "
+                                                           : "of the ";
+  return text("derivative %s%s, data of the scene by central differences within %.0e of the parameters", before,
+              to_string(form), distance_);
 }
 
 ParameterChange ParameterDerivative::combined(const Vector& by) const {
@@ -162,6 +186,7 @@ ParameterChange ParameterDerivative::combined(const Vector& by) const {
                               &KroneckerChange::input, &KroneckerChange::output})
       sum.sum.*member += by[i] * one.sum.*member;
     sum.of_sum = sum.of_sum || (one.of_sum && by[i] != 0);
+    for (const MovingJump& jump : one.jumps) sum.jumps.push_back({jump.t, by[i] * jump.change});
   }
   return sum;
 }
@@ -172,26 +197,65 @@ SolutionChange ParameterDerivative::jvp(Index parameter, bool states) const {
   return jvp(by, states);
 }
 
-SolutionChange ParameterDerivative::jvp(const Vector& by, bool states) const {
+SolutionChange ParameterDerivative::jvp(const Vector& by, bool states) const { return at_rows(along(by, states)); }
+
+// At the times of of_data_.
+SolutionChange ParameterDerivative::along(const Vector& by, bool states) const {
   const ParameterChange change = combined(by);
+  if (const GalerkinDerivative* galerkin = of_data_.of_boundary_values()) {
+    GalerkinChange sum = of_problem_.front();
+    for (const auto member : {&GalerkinChange::F, &GalerkinChange::q, &GalerkinChange::direct}) {
+      (sum.*member) *= by[0];
+      for (std::size_t i = 1; i < of_problem_.size(); ++i) sum.*member += by[Index(i)] * of_problem_[i].*member;
+    }
+    sum.b *= by[0];
+    for (std::size_t i = 1; i < of_problem_.size(); ++i) sum.b += by[Index(i)] * of_problem_[i].b;
+    return galerkin->jvp(sum);
+  }
+  if (!change.jumps.empty()) return of_data_.switched()->jvp(change.data, change.jumps);
   SolutionChange out = of_data_.jvp(change.data, states);
   if (change.of_sum) {
     const SolutionChange more = of_data_.of_sum().jvp(change.sum, states);
     for (const auto member : {&SolutionChange::y, &SolutionChange::x, &SolutionChange::w, &SolutionChange::integral})
       if ((more.*member).size() > 0) out.*member += more.*member;
   }
-  return at_rows(std::move(out));
+  return out;
 }
 
 Vector ParameterDerivative::vjp(const SolutionChange& given) const {
-  const SolutionChange of = from_rows(given);
-  const bool by_x0 = std::any_of(changes_.begin(), changes_.end(), [](const auto& c) { return c.data.x0.size() > 0; });
-  const DataChange gradient = of_data_.vjp(of, by_x0);
+  for (const Index j : one_sided_)
+    for (const RowMatrix* table : {&given.y, &given.x, &given.w})
+      if (table->rows() == t_.size() && (table->row(j).array() != 0).any())
+        throw Error("derivative", text("not differentiable here: t = %.6g is at a switch", t_[j]),
+                    "ask for other times");
+  return gradient(from_rows(given));
+}
+
+// Of weights at the times of of_data_.
+Vector ParameterDerivative::gradient(const SolutionChange& of) const {
   Vector by(parameters());
+  if (const GalerkinDerivative* galerkin = of_data_.of_boundary_values()) {
+    const GalerkinChange bar = galerkin->adjoint(of);
+    for (Index i = 0; i < parameters(); ++i) by[i] = bromwich::product(bar, of_problem_[std::size_t(i)]);
+    return by;
+  }
+  const SwitchedDerivative* switched = of_data_.switched();
+  const bool jumps = std::any_of(changes_.begin(), changes_.end(), [](const auto& c) { return !c.jumps.empty(); });
+  if (jumps || (switched && !switched->only_along().empty())) {
+    for (Index i = 0; i < parameters(); ++i) {  // along each of them there may be a derivative
+      const SolutionChange change = along(Vector::Unit(parameters(), i), false);
+      by[i] = 0;
+      for (const auto member : {&SolutionChange::y, &SolutionChange::x, &SolutionChange::w, &SolutionChange::integral})
+        if ((of.*member).size() > 0) by[i] += (of.*member).cwiseProduct(change.*member).sum();
+    }
+    return by;
+  }
+  const bool by_x0 = std::any_of(changes_.begin(), changes_.end(), [](const auto& c) { return c.data.x0.size() > 0; });
+  const DataChange bar = of_data_.vjp(of, by_x0);
   for (Index i = 0; i < parameters(); ++i) {
     const ParameterChange& c = changes_[std::size_t(i)];
-    by[i] = product(gradient, c.data);
-    if (c.of_sum) by[i] += of_data_.of_sum().along(c.sum, of, gradient);
+    by[i] = product(bar, c.data);
+    if (c.of_sum) by[i] += of_data_.of_sum().along(c.sum, of, bar);
   }
   return by;
 }
@@ -240,9 +304,7 @@ SolutionChange ParameterDerivative::from_rows(const SolutionChange& given) const
 }
 
 QuantityByParameters ParameterDerivative::with_gradient(QuantityChange found) const {
-  QuantityByParameters q{found.value, Vector::Zero(parameters())};
-  const DataChange gradient = of_data_.vjp(found.weights);
-  for (Index i = 0; i < parameters(); ++i) q.gradient[i] = product(gradient, changes_[std::size_t(i)].data);
+  QuantityByParameters q{found.value, gradient(found.weights)};
   return q;
 }
 

@@ -4,6 +4,10 @@
 // that fits the result (core/derivatives/result_derivative.hpp),
 //
 //     dy/dp = (dy/d data) (d data/dp).
+//
+// Where constraints with y_i = w_i = 0 leave derivatives along some changes alone (SwitchedDerivative::only_along), the
+// parameters have those along which there is one. With boundary values the change of the discrete problem takes the
+// place of that of the data.
 
 #include "parameter_change.hpp"
 #include "result_derivative.hpp"
@@ -56,6 +60,8 @@ class ParameterDerivative {
 
  private:
   ParameterChange combined(const Vector& change) const;
+  SolutionChange along(const Vector& change, bool states) const;
+  Vector gradient(const SolutionChange& function) const;
   SolutionChange at_rows(SolutionChange) const;
   SolutionChange from_rows(const SolutionChange&) const;
   double product(const DataChange& gradient, const DataChange& change) const;
@@ -66,7 +72,8 @@ class ParameterDerivative {
   Vector t_;
   ResultDerivative of_data_;
   std::vector<ParameterChange> changes_;
-  std::vector<Index> rows_;  ///< of t_ among the times of of_data_; empty: all
+  std::vector<GalerkinChange> of_problem_;  ///< the same of the discrete problem, with boundary values
+  std::vector<Index> rows_;                 ///< of t_ among the times of of_data_; empty: all
   std::vector<Index> one_sided_;
   std::shared_ptr<const QuantityOfInterest> quantity_;  ///< of the scene itself, or null
   double distance_ = 0;

@@ -32,7 +32,7 @@ const char* to_string(DerivativeForm form) {
 }
 
 ResultDerivative::ResultDerivative(const Scene& scene, const Result& result, Backend& backend,
-                                   std::optional<bool> located, const Vector& times)
+                                   std::optional<bool> located, const Vector& times, bool along_some)
     : scene_(scene), t_(result.t) {
   const bool solved = result.status == Status::solved;
   const bool jumps = solved && (y_may_jump(result) || result.method == Method::events);
@@ -42,7 +42,7 @@ ResultDerivative::ResultDerivative(const Scene& scene, const Result& result, Bac
     return;
   }
   const auto locate = [&] {
-    switched_.emplace(scene, times.size() > 0 ? times : result.t);
+    switched_.emplace(scene, times.size() > 0 ? times : result.t, along_some);
     form_ = DerivativeForm::located;
     t_ = switched_->times();
   };

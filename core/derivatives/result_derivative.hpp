@@ -27,9 +27,10 @@ class ResultDerivative {
 
   /// `located`: true or false: with located switches, or without. Not given: where y may jump, and where the derivative
   /// of the discrete solution is refused and the scene is small enough (`times` are then those of its rows; empty: the
-  /// time points of the result). Throws Error as the derivatives do; where several were tried, that of the first.
-  /// The backend has to outlive this object if `on_backend`.
-  ResultDerivative(const Scene&, const Result&, Backend&, std::optional<bool> located = {}, const Vector& times = {});
+  /// time points of the result). `along_some`: as SwitchedDerivative takes it. Throws Error as the derivatives do;
+  /// where several were tried, that of the first. The backend has to outlive this object if `on_backend`.
+  ResultDerivative(const Scene&, const Result&, Backend&, std::optional<bool> located = {}, const Vector& times = {},
+                   bool along_some = false);
 
   DerivativeForm form() const { return form_; }
   bool located() const { return form_ == DerivativeForm::located; }
@@ -52,6 +53,8 @@ class ResultDerivative {
   /// Of the parameters of a Kronecker sum with a continuous y; throws Error for others. Made on the first call where
   /// another form has the rest.
   const ModalDerivative& of_sum() const;
+  /// Null without boundary values.
+  const GalerkinDerivative* of_boundary_values() const { return galerkin_ ? &*galerkin_ : nullptr; }
   /// Null without located switches.
   const SwitchedDerivative* switched() const { return switched_ ? &*switched_ : nullptr; }
 

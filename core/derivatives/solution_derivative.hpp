@@ -39,6 +39,11 @@ struct DataChange {
   Matrix E0 = {}, ET = {};  ///< m x m, likewise
 };
 
+/// A time at which f or g jumps, and how it changes.
+struct MovingJump {
+  double t = 0, change = 0;
+};
+
 /// y, x and w at the time points, or a linear function of them: (J+1) x n, m, n. Empty: no part in the function.
 struct SolutionChange {
   RowMatrix y, x, w;

@@ -65,7 +65,7 @@ TEST_F(CliDerivative, WritesATableAndCurves) {
   std::ofstream(folder_ / "decay.toml") << decay << "[quantity]\nend_c = [1]\n";
   const Outcome r = run("derivative decay.toml --by x0 --columns x --out d.csv --threads 1");
   ASSERT_EQ(r.exit_code, 0) << r.err;
-  EXPECT_TRUE(contains(r.out, "of the discrete solution; data of the scene by central differences")) << r.out;
+  EXPECT_TRUE(contains(r.out, "derivative of the discrete solution, data of the scene by central differences")) << r.out;
   EXPECT_TRUE(contains(r.out, "d/dx0 at 2")) << r.out;
   const auto lines = split(read(folder_ / "d.csv"), '\n');
   EXPECT_EQ(lines[0], "t,x0,dx0/dx0");

@@ -120,6 +120,35 @@ TEST(SwitchedDerivative, SaysWhereThereIsNone) {
   EXPECT_NEAR(d.vjp(of).x0[0], 1 + 1.0 / 3, 1e-12);
 }
 
+// Two equal balls meet the floor at the same time. No derivative is one along all changes; along those of both there is
+// that of one ball.
+TEST(SwitchedDerivative, AlongChangesThatKeepASymmetry) {
+  const Scene one = ball(0.3, 0.1);
+  Scene two = one;
+  DenseDynamics d{Matrix::Zero(4, 4), Matrix::Zero(4, 2), Matrix::Zero(2, 4)};
+  d.A(0, 1) = d.A(2, 3) = d.B(1, 0) = d.B(3, 1) = d.N(0, 0) = d.N(1, 2) = 1;
+  two.dynamics = d;
+  two.M = Matrix(Matrix::Zero(2, 2));
+  two.x0 = Vector{{0.3, 0.1, 0.3, 0.1}};
+  two.f = [](double t, Eigen::Ref<Vector> v) { v << 0, -1 + 0.75 * t * t * t * t, 0, -1 + 0.75 * t * t * t * t; };
+  const Vector t{{0, 1, 2}};
+  EXPECT_NE(refusal([&] { SwitchedDerivative(two, t); }).find("not differentiable here"), std::string::npos);
+  const SwitchedDerivative both(two, t, true), single(one, t);
+  EXPECT_NE(both.only_along(), "");
+  DataChange c, of_one;
+  c.x0 = Vector{{1, 0.5, 1, 0.5}}, of_one.x0 = Vector{{1, 0.5}};
+  const SolutionChange found = both.jvp(c), expected = single.jvp(of_one);
+  for (Index k = 0; k < 2; ++k) {
+    EXPECT_LE((found.x.middleCols(2 * k, 2) - expected.x).cwiseAbs().maxCoeff(), 1e-9);
+    EXPECT_LE((found.integral.col(k) - expected.integral.col(0)).cwiseAbs().maxCoeff(), 1e-9);
+  }
+  c.x0 = Vector{{1, 0.5, 0.9, 0.5}};
+  EXPECT_NE(refusal([&] { both.jvp(c); }).find("not differentiable here"), std::string::npos);
+  SolutionChange of;
+  of.x = RowMatrix::Ones(3, 4);
+  EXPECT_NE(refusal([&] { both.vjp(of); }).find("ask for jvp along other changes"), std::string::npos);
+}
+
 // E x' = A x + B y: the same as with E^{-1} A and E^{-1} B, and its derivative with respect to E.
 // An impulse at t = 0 puts the state on the constraint, to rounding, where nothing moves it: y = w = 0 from there on,
 // and a push either leaves it or is held.
