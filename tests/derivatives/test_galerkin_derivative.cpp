@@ -63,6 +63,7 @@ DataChange drawn_with_b(const Scene& s, unsigned seed) {
   (s.boundary ? c.b : c.x0) = random.vector(m);
   c.f = random.matrix(N + 1, m), c.g = random.matrix(N + 1, n), c.M = random.matrix(n, n);
   c.A = random.matrix(m, m), c.B = random.matrix(m, n), c.N = random.matrix(n, m);
+  if (s.lcp_class == LcpClass::PSD) c.M.bottomRows(1).setZero(), c.M.rightCols(1).setZero();  // it stays so
   if (s.dynamics->has_mass()) c.E = random.matrix(m, m);
   if (s.boundary) c.E0 = random.matrix(m, m), c.ET = random.matrix(m, m);
   return c;

@@ -239,14 +239,18 @@ TEST(ParameterDerivative, FollowsJumpsThatMove) {
       return s;
     };
   };
-  expect_located_differences(make(true, false), 0.11, 100, 1e-5);
-  expect_located_differences(make(true, true), 0.11, 100, 1e-5);
-  const ParameterDerivative searched = derivative_of(make(false, true), 0.11, 100, Method::automatic),
-                            stated = derivative_of(make(true, true), 0.11, 100, Method::automatic);
+  expect_located_differences(make(true, false), 0.113, 100, 1e-5);
+  expect_located_differences(make(true, true), 0.113, 100, 1e-5);
+  const ParameterDerivative searched = derivative_of(make(false, true), 0.113, 100, Method::automatic),
+                            stated = derivative_of(make(true, true), 0.113, 100, Method::automatic);
   EXPECT_LE((searched.jvp(0).x - stated.jvp(0).x).cwiseAbs().maxCoeff(), 1e-7);
   SolutionChange of;
   of.x = RowMatrix::Ones(101, 1);
   EXPECT_NEAR(stated.vjp(of)[0], stated.jvp(0).x.sum(), 1e-10 * stated.jvp(0).x.norm());
+  // With p = 0.11 the second jump is at a time point: its row is the limit from the right, and has no weight.
+  const ParameterDerivative at_a_row = derivative_of(make(true, true), 0.11, 100, Method::automatic);
+  EXPECT_EQ(at_a_row.one_sided(), std::vector<Index>{44});
+  EXPECT_NE(refusal([&] { at_a_row.vjp(of); }).find("is at a switch"), std::string::npos);
 }
 
 // By hand: x' = f with f = 1 up to p and 0 after, so that x(T) = x0 + p. And with a set that changes at the jump.
