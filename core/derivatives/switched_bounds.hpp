@@ -1,8 +1,8 @@
 #pragma once
-// Rows of changes with the sizes of their terms, for core/derivatives/switched_tape.cpp and switched_conditions.cpp.
+// Rows of changes with the sizes of their terms, for core/derivatives/switched_tape.hpp.
 
-#include "core/base/error.hpp"
-#include "core/derivatives/switched_tape.hpp"
+#include "../base/error.hpp"
+#include "../events/mode.hpp"
 
 #include <cmath>
 #include <string>
@@ -42,17 +42,17 @@ inline bool small_against(const Matrix& value, const Matrix& terms) {
 }  // namespace switched
 
 /// A Jet, and the same with all terms by absolute value.
-struct SwitchedTape::Bounded {
+struct BoundedJet {
   Jet value, terms;
 
-  static Bounded of(const Jet& c) { return {c, switched::absolute_jet(c)}; }
-  friend Bounded operator+(const Bounded& a, const Bounded& b) {
+  static BoundedJet of(const Jet& c) { return {c, switched::absolute_jet(c)}; }
+  friend BoundedJet operator+(const BoundedJet& a, const BoundedJet& b) {
     return {switched::sum_of_jets(a.value, b.value), switched::sum_of_jets(a.terms, b.terms)};
   }
-  friend Bounded operator*(const Matrix& left, const Bounded& c) {
+  friend BoundedJet operator*(const Matrix& left, const BoundedJet& c) {
     return {left * c.value, Matrix(left.cwiseAbs()) * c.terms};
   }
-  Bounded after(const Bounded& D) const {
+  BoundedJet after(const BoundedJet& D) const {
     return {switched::composed_jet(value, D.value), switched::composed_jet(terms, D.terms)};
   }
   bool vanishes() const {

@@ -1,7 +1,7 @@
 // Switches of a SwitchedTape: the change of the state at each, and what has to stay zero there.
 
 #include "core/base/text.hpp"
-#include "core/derivatives/switched_bounds.hpp"
+#include "core/derivatives/switched_tape.hpp"
 
 #include <Eigen/QR>
 

@@ -1,7 +1,6 @@
 #include "core/derivatives/switched_tape.hpp"
 
 #include "core/base/text.hpp"
-#include "core/derivatives/switched_bounds.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -5,6 +5,7 @@
 #include "../events/event_driven.hpp"
 #include "part_maps.hpp"
 #include "solution_derivative.hpp"
+#include "switched_bounds.hpp"
 
 #include <map>
 #include <string>
@@ -30,7 +31,7 @@ class SwitchedTape {
   DataChange vjp(const SolutionChange&) const;
 
  private:
-  struct Bounded;  // a Jet, and the same with all terms by absolute value
+  using Bounded = BoundedJet;
   // A mode with (x, integral of y) as its state.
   struct Mode {
     SwitchedMode rows;
