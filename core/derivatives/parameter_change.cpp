@@ -16,7 +16,7 @@ constexpr double steps_to_try[] = {1e-3, 1e-4, 1e-5, 1e-6};  ///< of |p|
 constexpr double step_with_moving_kinks = 1e-6;              ///< differences across a kink are those of no side
 constexpr double bends_less = 1e-4;                          ///< two- and four-point formula, relative
 constexpr double kink_less = 1e-5;  ///< second differences that do not shrink with d, of the first ones
-constexpr double rounding = 64 * epsilon;
+constexpr double rounding_of_data = 64 * epsilon;
 constexpr double same_breakpoint = 1e-11;   ///< of T
 constexpr double beside_breakpoint = 1e-7;  ///< of T: where limits from both sides are taken
 constexpr double same_vector = 1e-12;
@@ -42,7 +42,7 @@ void each_member(const Use& use) {
   use("ET", &SceneData::ET);
 }
 
-RowMatrix table_of(const TimeFunction& function, const Vector& t, Index width) {
+RowMatrix source_table(const TimeFunction& function, const Vector& t, Index width) {
   return function && width > 0 ? RowMatrix(sample(function, t, width).table()) : RowMatrix::Zero(t.size(), width);
 }
 
@@ -52,8 +52,8 @@ SceneData data_of(const Scene& scene, const Vector& t, bool written_out, bool dy
   d.x0 = scene.x0;
   if (scene.boundary) d.b = scene.boundary->b, d.E0 = scene.boundary->E0, d.ET = scene.boundary->ET;
   d.M = to_dense(scene.M);
-  d.g = table_of(scene.g, t, scene.constraints());
-  d.f = table_of(scene.f, t, scene.sources());
+  d.g = source_table(scene.g, t, scene.constraints());
+  d.f = source_table(scene.f, t, scene.sources());
   if (!written_out) return d;
   if (!dynamics && !(scene.f && scene.f_entry != SourceEntry::state)) return d;
   const DenseDynamics dense = to_dense(scene.dynamics);
@@ -64,20 +64,22 @@ SceneData data_of(const Scene& scene, const Vector& t, bool written_out, bool dy
   return d;
 }
 
-double largest(const Eigen::Ref<const Matrix>& values) { return values.size() > 0 ? values.cwiseAbs().maxCoeff() : 0; }
+double largest_entry(const Eigen::Ref<const Matrix>& values) {
+  return values.size() > 0 ? values.cwiseAbs().maxCoeff() : 0;
+}
 
 // Of one table at five values of the parameter.
-struct Differences {
+struct DataDifferences {
   Matrix change, bend, kink;  ///< change: per unit; bend: the same by two points, less; kink: see kink_less
 };
 
-Differences differences(const Matrix& a2, const Matrix& a, const Matrix& at, const Matrix& b, const Matrix& b2,
-                        double d) {
+DataDifferences data_differences(const Matrix& a2, const Matrix& a, const Matrix& at, const Matrix& b, const Matrix& b2,
+                                 double d) {
   const Matrix two = (b - a) / (2 * d), wide = (b2 - a2) / (4 * d);
   return {(4 * two - wide) / 3, (two - wide) / 3, (b2 - 2 * at + a2) / 4 - (b - 2 * at + a)};
 }
 
-bool same_dynamics(const ParameterNeighbours& n, const Scene& scene) {
+bool shares_dynamics(const ParameterNeighbours& n, const Scene& scene) {
   return std::all_of(n.at.begin(), n.at.end(),
                      [&](const ParameterScene& p) { return &*p.scene.dynamics == &*scene.dynamics; });
 }
@@ -179,7 +181,7 @@ std::vector<bool> rows_with_kinks(const ParameterNeighbours& n, const Vector& t,
 // Empty, or the member that is not smooth on this distance.
 std::string not_smooth(const ParameterNeighbours& n, const Scene& scene, const Vector& at, bool written_out) {
   const Vector t = beside_jumps(n, at, scene.T);
-  const bool dynamics = !same_dynamics(n, scene);
+  const bool dynamics = !shares_dynamics(n, scene);
   const SceneData here = data_of(scene, t, written_out, dynamics);
   std::array<SceneData, 4> there;
   for (std::size_t i = 0; i < 4; ++i) there[i] = data_of(n.at[i].scene, t, written_out, dynamics);
@@ -187,14 +189,14 @@ std::string not_smooth(const ParameterNeighbours& n, const Scene& scene, const V
   std::string found;
   each_member([&](const char* name, auto member) {
     if ((here.*member).size() == 0 || !found.empty()) return;
-    Differences d =
-        differences(there[0].*member, there[1].*member, here.*member, there[2].*member, there[3].*member, n.step);
-    const double size = largest(d.change), terms = rounding * largest(here.*member);
+    DataDifferences d =
+        data_differences(there[0].*member, there[1].*member, here.*member, there[2].*member, there[3].*member, n.step);
+    const double size = largest_entry(d.change), terms = rounding_of_data * largest_entry(here.*member);
     if (const std::string word = name; word == "f" || word == "g")
       for (Index j = 0; j < t.size(); ++j)
         if (left_out[std::size_t(j)]) d.bend.row(j).setZero(), d.kink.row(j).setZero();
-    if (!(largest(d.bend) <= bends_less * size + terms / n.step) ||
-        !(largest(d.kink) <= kink_less * n.step * size + terms))
+    if (!(largest_entry(d.bend) <= bends_less * size + terms / n.step) ||
+        !(largest_entry(d.kink) <= kink_less * n.step * size + terms))
       found = name;
   });
   return found;
@@ -303,7 +305,7 @@ ParameterNeighbours neighbours_of(const VariedParameter& p, const Scene& scene, 
 
 ParameterChange parameter_change(const ParameterNeighbours& n, const Scene& scene, const Vector& at, bool written_out) {
   const Vector t = beside_jumps(n, at, scene.T);
-  const bool dynamics = !same_dynamics(n, scene);
+  const bool dynamics = !shares_dynamics(n, scene);
   std::array<SceneData, 4> there;
   for (std::size_t i = 0; i < 4; ++i) there[i] = data_of(n.at[i].scene, t, written_out, dynamics);
   SceneData change;

@@ -21,7 +21,6 @@ from ._derivative import (
     Derivative,
     Gradient,
     Margin,
-    ParameterDerivative,
     ParameterGradient,
     QuantityGradient,
     Tangent,
@@ -40,6 +39,7 @@ from ._errors import (
 from ._batch import BatchResult, solve_batch
 from ._backends import BackendInfo, backends, cuda_devices
 from ._nonlinear import NonlinearResult, solve_nonlinear
+from ._parameters import ParameterDerivative
 from ._result import Result, Status, Switch
 from ._saved_result import SavedResult, load
 from ._scene import Scene, scene, scenes

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple, overload
 import numpy as np
 
 from . import _core
-from ._derivative import Derivative, ParameterDerivative
+from ._derivative import Derivative
 from ._errors import Error
+from ._parameters import ParameterDerivative
 from ._rows import Rows
 from ._sources import restored
 

@@ -198,7 +198,7 @@ nb::tuple margin_of(const ResultDerivative& d) {
   return nb::make_tuple(at.margin, at.time, at.constraint, at.transversality, at.grazing_time);
 }
 
-nb::object switches_of(const ResultDerivative& d) {
+nb::object times_of_switches(const ResultDerivative& d) {
   return d.switched() ? nb::cast(d.switched()->switches()) : nb::none();
 }
 
@@ -210,7 +210,7 @@ void bind_parameters(nb::module_& m) {
       .def_prop_ro("margin", [](const ByParameters& d) { return margin_of(d.derivative().of_data()); })
       .def_prop_ro("form", [](const ByParameters& d) { return to_string(d.derivative().of_data().form()); })
       .def_prop_ro("words", [](const ByParameters& d) { return d.derivative().in_words(); })
-      .def_prop_ro("switches", [](const ByParameters& d) { return switches_of(d.derivative().of_data()); })
+      .def_prop_ro("switches", [](const ByParameters& d) { return times_of_switches(d.derivative().of_data()); })
       .def_prop_ro("one_sided", [](const ByParameters& d) { return d.derivative().one_sided(); })
       .def_prop_ro("states", &ByParameters::states)
       .def(
@@ -237,7 +237,7 @@ void bind_derivatives(nb::module_& m) {
       .def_prop_ro("margin", [](const AnyDerivative& d) { return margin_of(d.of_result()); })
       .def_prop_ro("form", [](const AnyDerivative& d) { return to_string(d.of_result().form()); })
       .def_prop_ro("states", &AnyDerivative::states)
-      .def_prop_ro("switches", [](const AnyDerivative& d) { return switches_of(d.of_result()); })
+      .def_prop_ro("switches", [](const AnyDerivative& d) { return times_of_switches(d.of_result()); })
       .def_prop_ro(
           "one_sided",
           [](const AnyDerivative& d) { return d.switched() ? d.switched()->one_sided() : std::vector<Index>(); })
