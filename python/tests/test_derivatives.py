@@ -162,8 +162,13 @@ def test_boundary_values() -> None:
         difference = (getattr(up, kind) - getattr(down, kind)) / (2 * step)
         np.testing.assert_allclose(getattr(tangent, kind), difference, atol=1e-7)
     gradient = d.vjp(x=np.eye(101, 1))
-    assert gradient.x0 is None and gradient.A is None
+    assert gradient.x0 is None and gradient.E is None
     np.testing.assert_allclose(gradient.b, tangent.x[0], rtol=1e-12)
+    for name in ("A", "B", "N", "M", "E0", "ET"):
+        up, down = (bromwich.solve(**{**scene, name: scene[name] + s}, steps=100) for s in (step, -step))
+        difference = (up.x - down.x) / (2 * step)
+        np.testing.assert_allclose(d.jvp(**{name: [[1.0]]}).x, difference, atol=1e-7)
+        np.testing.assert_allclose(getattr(gradient, name), [[difference[0, 0]]], atol=1e-7)
     assert abs(d.quantity(end_c=[1]).gradient.b[0] - tangent.x[-1, 0]) < 1e-12
     with pytest.raises(bromwich.Error, match="change b"):
         d.jvp(x0=[1])
