@@ -26,7 +26,7 @@ struct QuantityByParameters {
 
 class ParameterDerivative {
  public:
-  /// `scene` and `result` are those with the values of all parameters. `located`: as ResultDerivative takes it; `also`:
+  /// `scene` and `result` are those with the values of all parameters. `located`: as in DerivativeChoice; `also`:
   /// more times of rows, within [0, T], where switches are located. Throws Error as ResultDerivative, neighbours_of
   /// and parameter_change do. The backend has to outlive this object.
   ParameterDerivative(const Scene& scene, const Result& result, Backend&, const std::vector<VariedParameter>&,

@@ -32,29 +32,34 @@ const char* to_string(DerivativeForm form) {
 }
 
 ResultDerivative::ResultDerivative(const Scene& scene, const Result& result, Backend& backend,
-                                   std::optional<bool> located, const Vector& times, bool along_some)
+                                   const DerivativeChoice& choice)
     : scene_(scene), t_(result.t) {
-  const bool solved = result.status == Status::solved;
+  const bool solved = result.status == Status::solved, all_times = choice.all_times;
   const bool jumps = solved && (y_may_jump(result) || result.method == Method::events);
-  if (scene.boundary && !located.value_or(false)) {
+  if (scene.boundary && !all_times && !choice.located.value_or(false)) {
     galerkin_.emplace(scene, result);
     form_ = DerivativeForm::boundary;
     return;
   }
   const auto locate = [&] {
-    switched_.emplace(scene, times.size() > 0 ? times : result.t, along_some);
+    switched_.emplace(scene, choice.times.size() > 0 ? choice.times : result.t, choice.along_some);
     form_ = DerivativeForm::located;
     t_ = switched_->times();
   };
-  if (located.value_or(jumps)) {
+  if (choice.located.value_or(jumps && !all_times)) {
     if (!solved) throw Error("derivative", "the result is not solved", "differentiate a result with status solved");
+    if (all_times) throw Error("located", "is asked for over all time points", "leave one of them out");
     locate();
     return;
   }
+  if (all_times) {
+    make_continuous(result, backend, true);
+    return;
+  }
   try {
-    make_continuous(result, backend);
+    make_continuous(result, backend, false);
   } catch (const Error& refusal) {
-    if (!solved || located || refusal.argument() != "derivative" || !may_be_located(scene)) throw;
+    if (!solved || choice.located || refusal.argument() != "derivative" || !may_be_located(scene)) throw;
     try {
       locate();
     } catch (const Error&) {
@@ -63,11 +68,11 @@ ResultDerivative::ResultDerivative(const Scene& scene, const Result& result, Bac
   }
 }
 
-void ResultDerivative::make_continuous(const Result& result, Backend& backend) {
+void ResultDerivative::make_continuous(const Result& result, Backend& backend, bool all_times) {
   const bool in_modes = scene_.dynamics->modes();
-  if (scene_.states() <= largest_written_out) {
+  if (!all_times && scene_.states() <= largest_written_out) {
     discrete_.emplace(scene_, result);
-  } else if (!in_modes || space_time_pays(backend, scene_, result)) {
+  } else if (all_times || !in_modes || space_time_pays(backend, scene_, result)) {
     space_time_ = std::make_unique<SpaceTimeDerivative>(scene_, result, backend);
     form_ = DerivativeForm::all_times;
   } else {

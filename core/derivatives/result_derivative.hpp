@@ -19,18 +19,25 @@ enum class DerivativeForm : char { discrete, modes, all_times, boundary, located
 /// "discrete solution", "modes", "over all time points", "boundary values" or "located switches".
 const char* to_string(DerivativeForm);
 
+/// What is asked for, where several derivatives fit.
+struct DerivativeChoice {
+  /// With located switches, or without. Not given: where y may jump, and where the derivative of the discrete solution
+  /// is refused and the scene is small enough.
+  std::optional<bool> located = {};
+  Vector times = {};        ///< of the rows where switches are located; empty: the time points of the result
+  bool along_some = false;  ///< as SwitchedDerivative takes it
+  bool all_times = false;   ///< over all time points on the backend, for dense dynamics too
+};
+
 class ResultDerivative {
  public:
   static constexpr Index largest_written_out = 1000;  ///< states of scenes whose A, B, N and E are data
   /// Whether switches can be located: dense and small, with an initial value.
   static bool may_be_located(const Scene&);
 
-  /// `located`: true or false: with located switches, or without. Not given: where y may jump, and where the derivative
-  /// of the discrete solution is refused and the scene is small enough (`times` are then those of its rows; empty: the
-  /// time points of the result). `along_some`: as SwitchedDerivative takes it. Throws Error as the derivatives do;
-  /// where several were tried, that of the first. The backend has to outlive this object if `on_backend`.
-  ResultDerivative(const Scene&, const Result&, Backend&, std::optional<bool> located = {}, const Vector& times = {},
-                   bool along_some = false);
+  /// Throws Error as the derivatives do; where several were tried, that of the first. The backend has to outlive this
+  /// object if `on_backend`.
+  ResultDerivative(const Scene&, const Result&, Backend&, const DerivativeChoice& = {});
 
   DerivativeForm form() const { return form_; }
   bool located() const { return form_ == DerivativeForm::located; }
@@ -59,7 +66,7 @@ class ResultDerivative {
   const SwitchedDerivative* switched() const { return switched_ ? &*switched_ : nullptr; }
 
  private:
-  void make_continuous(const Result&, Backend&);
+  void make_continuous(const Result&, Backend&, bool all_times);
   const RowMatrix* states() const;
 
   Scene scene_;

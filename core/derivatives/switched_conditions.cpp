@@ -51,7 +51,9 @@ SwitchedTape::Bounded SwitchedTape::saltation(const Switch& s, const Piece* befo
 void SwitchedTape::check(Switch& s, const Piece* before, const Piece& after) {
   const Matrix& derivative = Collocation::get().derivative;
   const auto condition = [&](const Condition& c, const std::string& found) {
-    if (!along_some_) not_differentiable_at_switch(found, other_switch_data);
+    // Impacts one after the other lead to other states than those at once, however short the time between them.
+    const bool impacts = s.moves && !s.impulses.empty();
+    if (!along_some_ || impacts) not_differentiable_at_switch(found, other_switch_data);
     if (only_along_.empty()) only_along_ = found;
     s.conditions.push_back(c);
   };

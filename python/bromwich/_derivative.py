@@ -79,8 +79,8 @@ class Derivative:
         >>> d.vjp(x=np.eye(401, 2, k=-400)).x0           # gradient of x_0(T) with respect to x0
     """
 
-    def __init__(self, result: Result, located: bool | None = None) -> None:
-        self._core, self._result = _core.Derivative(result._answer, located), result
+    def __init__(self, result: Result, located: bool | None = None, all_times: bool = False) -> None:
+        self._core, self._result = _core.Derivative(result._answer, located, all_times), result
 
     @property
     def form(self) -> str:

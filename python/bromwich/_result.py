@@ -232,7 +232,7 @@ class Result(Rows):
         return Result(self._answer.at(self._times(t)), self._scene)
 
     @overload
-    def derivative(self, *, located: bool | None = None) -> Derivative: ...
+    def derivative(self, *, located: bool | None = None, all_times: bool = False) -> Derivative: ...
     @overload
     def derivative(
         self,
@@ -245,6 +245,7 @@ class Result(Rows):
         self,
         *,
         located: bool | None = None,
+        all_times: bool = False,
         parameters: str | Iterable[str] | Mapping[str, float] | None = None,
         scene_of: Callable[..., Scene] | None = None,
     ) -> Derivative | ParameterDerivative:
@@ -256,6 +257,8 @@ class Result(Rows):
                 True: of the solution with located switches, for dense scenes of up to 64 states and 48 constraints, also
                 where y or x jumps (relays, M = 0, impacts). None: located where y may jump, and where that of the
                 discrete solution is refused.
+            all_times: of the discrete solution over all time points, on the backend of the result and by its method, for
+                dense scenes and small Kronecker sums too: by x0, f (through B), g and M.
             parameters: names of parameters of a scene file, of a built-in scene, or of the expressions of f and g. With
                 ``scene_of``: names and values of the arguments of that function.
             scene_of: a function of these, by keyword, that returns a :class:`Scene`; ``result`` is that of
@@ -270,7 +273,8 @@ class Result(Rows):
         """
         if parameters is None:
             require(scene_of is None, "scene_of", "is given without parameters; give their names and values")
-            return Derivative(self, located)
+            return Derivative(self, located, all_times)
+        require(not all_times, "all_times", "is given with parameters; leave it out")
         return ParameterDerivative(self, parameters, scene_of, located)
 
     def __repr__(self) -> str:

@@ -43,16 +43,16 @@ std::unique_lock<std::mutex> locked(Machine& machine, const ResultDerivative& d)
 }
 
 /// While a derivative is made that may use the backend.
-std::unique_lock<std::mutex> locked(const Answer& answer) {
-  const bool large = answer.model->scene.states() > ResultDerivative::largest_written_out;
+std::unique_lock<std::mutex> locked(const Answer& answer, bool all_times = false) {
+  const bool large = all_times || answer.model->scene.states() > ResultDerivative::largest_written_out;
   return large ? std::unique_lock(answer.machine->busy) : std::unique_lock<std::mutex>();
 }
 
 /// With the backend of the result, which is used by one caller at a time.
 class AnyDerivative {
  public:
-  AnyDerivative(const Answer& answer, std::optional<bool> located)
-      : model_(answer.model), machine_(answer.machine), derivative_(made(answer, located)) {}
+  AnyDerivative(const Answer& answer, std::optional<bool> located, bool all_times)
+      : model_(answer.model), machine_(answer.machine), derivative_(made(answer, located, all_times)) {}
 
   SolutionChange jvp(const DataChange& c, bool states) const {
     const auto lock = locked(*machine_, *derivative_);
@@ -74,9 +74,10 @@ class AnyDerivative {
   const SwitchedDerivative* switched() const { return derivative_->switched(); }
 
  private:
-  static std::unique_ptr<ResultDerivative> made(const Answer& answer, std::optional<bool> located) {
-    const auto lock = locked(answer);
-    return std::make_unique<ResultDerivative>(answer.model->scene, answer.result, *answer.machine->backend, located);
+  static std::unique_ptr<ResultDerivative> made(const Answer& answer, std::optional<bool> located, bool all_times) {
+    const auto lock = locked(answer, all_times);
+    return std::make_unique<ResultDerivative>(answer.model->scene, answer.result, *answer.machine->backend,
+                                              DerivativeChoice{.located = located, .all_times = all_times});
   }
 
   std::shared_ptr<const Model> model_;
@@ -233,7 +234,8 @@ void bind_parameters(nb::module_& m) {
 
 void bind_derivatives(nb::module_& m) {
   nb::class_<AnyDerivative>(m, "Derivative")
-      .def(nb::init<const Answer&, std::optional<bool>>(), nb::arg("answer"), nb::arg("located").none())
+      .def(nb::init<const Answer&, std::optional<bool>, bool>(), nb::arg("answer"), nb::arg("located").none(),
+           nb::arg("all_times"))
       .def_prop_ro("margin", [](const AnyDerivative& d) { return margin_of(d.of_result()); })
       .def_prop_ro("form", [](const AnyDerivative& d) { return to_string(d.of_result().form()); })
       .def_prop_ro("states", &AnyDerivative::states)

@@ -41,6 +41,26 @@ def test_a_gradient_is_the_transpose_of_all_tangents(circuit):
     np.testing.assert_allclose(gradient.M[0, 0], d.jvp(M=[[1]]).x[-1, 0], rtol=1e-10)
 
 
+def backends_here():
+    return ["cpu", *(["cuda"] if bromwich.cuda_devices() else [])]
+
+
+@pytest.mark.parametrize("backend", backends_here())
+def test_over_all_time_points_on_a_backend(circuit, backend):
+    r = bromwich.solve(**circuit, steps=STEPS, method="march", backend=backend)
+    d, host = r.derivative(all_times=True), r.derivative()
+    assert d.form == "over all time points" and host.form == "discrete solution"
+    changes = dict(x0=[0.3, -1], g=np.cos(np.arange(STEPS + 1)).reshape(-1, 1), M=[[0.7]])
+    for kind, found, expected in zip("yxw", d.jvp(states=True, **changes)[:3], host.jvp(**changes)[:3]):
+        np.testing.assert_allclose(found, expected, atol=1e-9 * np.abs(expected).max(), err_msg=kind)
+    weights = np.sin(np.arange(STEPS + 1)).reshape(-1, 1)
+    found, expected = d.vjp(y=weights), host.vjp(y=weights)
+    for name in ("x0", "g", "M"):
+        np.testing.assert_allclose(getattr(found, name), getattr(expected, name), atol=1e-9 * np.abs(getattr(expected, name)).max())
+    with pytest.raises(bromwich.Error, match="leave one of them out"):
+        r.derivative(all_times=True, located=True)
+
+
 def test_margin(circuit):
     margin = solve(circuit).derivative().margin
     assert 0 < margin.margin < 1
