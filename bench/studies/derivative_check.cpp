@@ -25,7 +25,7 @@ namespace {
 constexpr Index largest_dense = 400;   ///< states that are written out
 constexpr double largest_step = 1e-5;  ///< of a difference, relative: its error is 1e-10
 constexpr double within_reach = 0.3;   ///< of the change that leaves the active sets, to first order
-constexpr double within_margin = 0.1;  ///< of the margin, where y has left ends that `reach` does not see
+constexpr double within_margin = 0.1;  ///< of the margin, of boundary-value problems
 constexpr double located_steps[] = {1e-4, 1e-5, 1e-6, 1e-7};
 constexpr double most_noise = 1e-2;  ///< differences with more say nothing
 constexpr int most_halved = 4;       ///< times that T is halved where they do
@@ -172,8 +172,10 @@ void compare_discrete(const Scene& scene, Backend& backend, const Discrete& d, D
       const SolutionChange out = d.jvp(c.data);
       const double relative = std::max({relative_change(out.y, d.result.y), relative_change(out.x, d.result.x),
                                         relative_change(out.w, w), c.linear ? 1e-12 : 1.0});
-      double step = std::min(within_reach * reach(d.result.y, w, out), largest_step / relative);
-      if (scene.boundary) step = std::min(step, within_margin * d.margin / relative);
+      // Of boundary values the moments of y and w are complementary, not their values at the time points.
+      const double keeps =
+          scene.boundary ? within_margin * d.margin / relative : within_reach * reach(d.result.y, w, out);
+      const double step = std::min(keeps, largest_step / relative);
       if (!(step > 0)) throw Error("derivative", "y = w = 0 at a time point", "another grid");
       const Difference one = difference(c, step, d.result, backend), other = difference(c, step / 2, d.result, backend);
       check.error[c.name] = std::max(largest_deviation(out.y, one.y), largest_deviation(out.x, one.x));

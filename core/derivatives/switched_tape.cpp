@@ -247,23 +247,46 @@ void SwitchedTape::measure() {
                                  other_switch_data);
 }
 
+// The least value of component i between the samples beside sample k, by golden sections of each polynomial.
+double SwitchedTape::least_beside(const std::vector<Sample>& run, std::size_t k, Index i) const {
+  constexpr double golden = 0.6180339887498949;
+  constexpr int sections = 36;  // of the interval 3e-8 is left, and of the value above the least one its square
+  const Sample &first = run[k > 0 ? k - 1 : k], &last = run[std::min(k + 1, run.size() - 1)];
+  double least = run[k].c[i];
+  for (Index number = first.piece; number <= last.piece; ++number) {
+    const Piece& p = pieces_[std::size_t(number)];
+    const Vector c = polynomial(p, i) / size_of(p, i);
+    const auto value = [&](double at) { return legendre(at).dot(c); };
+    double low = std::max(0.0, (first.t - p.begin) / p.length), high = std::min(p.until, (last.t - p.begin) / p.length);
+    if (!(high > low)) continue;
+    double a = high - golden * (high - low), b = low + golden * (high - low), at_a = value(a), at_b = value(b);
+    for (int section = 0; section < sections; ++section) {
+      least = std::min({least, at_a, at_b});
+      if (at_a < at_b) {
+        high = b, b = a, at_b = at_a;
+        at_a = value(a = high - golden * (high - low));
+      } else {
+        low = a, a = b, at_a = at_b;
+        at_b = value(b = low + golden * (high - low));
+      }
+    }
+  }
+  return least;
+}
+
 // Local minima of the components between two switches. What vanishes at a switch was checked there.
 void SwitchedTape::measure_run(const std::vector<Sample>& run, bool to_end) {
+  constexpr double looked_at = 0.1;  // smaller samples are beside minima that may be the least
   const std::size_t count = run.size();
   for (Index i = 0; i < n_; ++i)
     for (std::size_t k = 0; k < count; ++k) {
-      const bool inner = k > 0 && k + 1 < count;
       const double now = run[k].c[i], before = k > 0 ? run[k - 1].c[i] : INFINITY;
       const double after = k + 1 < count ? run[k + 1].c[i] : INFINITY;
       if (now > before || now > after) continue;
-      double least = now;
-      const double bend = before - 2 * now + after;
-      // The vertex of the parabola through three samples, where they are of one polynomial.
-      if (inner && bend > 0 && run[k - 1].piece == run[k + 1].piece) least -= std::pow(after - before, 2) / (8 * bend);
       const double near = near_switch * T_;
       const bool at_end = run[k].t - run.front().t <= near || (!to_end && run.back().t - run[k].t <= near);
-      if (at_end && std::abs(least) <= vanishing_component) continue;
-      least = std::max(0.0, least);
+      if (at_end && std::abs(now) <= vanishing_component) continue;
+      const double least = std::max(0.0, now < looked_at ? least_beside(run, k, i) : now);
       if (least < margin_.margin) margin_.margin = least, margin_.time = run[k].t, margin_.constraint = i;
     }
 }

@@ -111,6 +111,7 @@ class SwitchedTape {
                         const Vector& terms_of_x, double dt) const;
   void measure();
   void measure_run(const std::vector<Sample>&, bool to_end);
+  double least_beside(const std::vector<Sample>&, std::size_t k, Index i) const;
   void judge_M();
   void check_structure(const DataChange&) const;
 
