@@ -147,7 +147,8 @@ TEST(SwitchedDerivative, AlongChangesThatKeepASymmetry) {
   balls.M = Matrix(Matrix::Zero(2, 2));
   balls.x0 = Vector{{0.3, 0.1, 0.3, 0.1}};
   balls.f = [](double s, Eigen::Ref<Vector> v) { v << 0, -1 + 0.75 * s * s * s * s, 0, -1 + 0.75 * s * s * s * s; };
-  EXPECT_NE(refusal([&] { SwitchedDerivative(balls, 2 * t, true); }).find("not differentiable here"), std::string::npos);
+  EXPECT_NE(refusal([&] { SwitchedDerivative(balls, 2 * t, true); }).find("not differentiable here"),
+            std::string::npos);
 }
 
 // E x' = A x + B y: the same as with E^{-1} A and E^{-1} B, and its derivative with respect to E.
@@ -313,6 +314,14 @@ Verdict verdict_of(std::uint32_t seed) {
            std::to_string(d->margin().transversality) + " family " + std::to_string(int(random.family)) + " switches " +
            std::to_string(d->switches().size());
   return v;
+}
+
+// A component that touches zero between the samples of its polynomial. Differences to both sides are 0.44 apart, and
+// the parabola through the samples had a margin of 2.7e-6.
+TEST(SwitchedDerivative, SeesATouchBetweenSamples) {
+  const Verdict v = verdict_of(801072);
+  EXPECT_FALSE(v.given);
+  EXPECT_NE(v.what.find("y_0 = w_0 = 0 at t = 0.144915"), std::string::npos) << v.what;
 }
 
 // E^{-1} B = (-1/10, 1/2): the contact force pulls the position into the floor, and after the first contact no y >= 0
