@@ -11,6 +11,7 @@
 #include "app/ranks.hpp"
 #include "app/scene_blocks.hpp"
 #include "app/scene_choice.hpp"
+#include "app/sweep_scenes.hpp"
 #include "app/sweep_table.hpp"
 #include "app/text.hpp"
 #include "core/base/error.hpp"
@@ -32,7 +33,6 @@
 #include <iterator>
 #include <map>
 #include <optional>
-#include <set>
 #include <sstream>
 #include <utility>
 #include <vector>
@@ -49,9 +49,9 @@ constexpr double bytes_of_a_scene = 1e4;      ///< of a scene that was read: its
 class SweepRun {
  public:
   SweepRun(const SolveArguments& arguments, const std::string& name, ParameterValues settings, Sweep sweep)
-      : arguments_(arguments), source_(name), settings_(std::move(settings)), sweep_(std::move(sweep)) {
+      : arguments_(arguments), settings_(settings), reading_(name, std::move(settings), std::move(sweep)) {
     check_sweep_arguments(arguments_, settings_, sweep_);
-    choice_ = first_that_reads();
+    choice_ = reading_.first();
     options_.method = parse_method(arguments.method);
     if (!arguments.steps.empty()) options_.steps = parse_steps(arguments.steps);
     parse_error_control(arguments, options_, choice_.tolerance);
@@ -139,21 +139,6 @@ class SweepRun {
 
   bool by_hdf5() const { return std::filesystem::path(arguments_.out).extension() == ".h5"; }
 
-  SceneChoice read(Index scene) {
-    ParameterValues settings = settings_;
-    for (const auto& [name, value] : sweep_.settings(scene)) settings[name] = value;
-    return source_.with(settings);
-  }
-
-  // The sizes of all scenes are those of the first one without an error.
-  SceneChoice first_that_reads() {
-    for (Index k = 0; k + 1 < sweep_.scenes(); ++k) try {
-        return read(k);
-      } catch (const Error&) {
-      }
-    return read(sweep_.scenes() - 1);
-  }
-
   void predict() {
     Batch one;
     one.common = choice_.scene;
@@ -230,22 +215,14 @@ class SweepRun {
     SceneBlock block;
     block.first = first_, block.count = count;
     block.status.assign(std::size_t(count), to_string(Status::unsupported));
-    block.reason.resize(std::size_t(count)), block.warning.resize(std::size_t(count));
+    block.warning.resize(std::size_t(count));
     Timer timer;
-    std::vector<Scene> scenes;
-    std::set<Index> sources;
-    std::vector<Index> places(std::size_t(count), -1);
-    for (Index i = 0; i < count; ++i) try {
-        if (interrupted()) throw Error("scene", "was not read", "stopped on request");
-        scenes.push_back(read(first_ + i).scene);
-        sources.insert(source_.sources());
-        places[std::size_t(i)] = Index(scenes.size()) - 1;
-      } catch (const Error& error) {
-        block.reason[std::size_t(i)] = one_line(error.what());
-      }
+    ReadScenes read = reading_.read(first_, count, *backend_, interrupted);
+    block.reason = std::move(read.errors);
     block.seconds_read = timer.lap();
+    const std::vector<Index>& places = read.places;
     BatchResult result;
-    if (!scenes.empty()) result = solved(std::move(scenes), places, sources.size() == 1);
+    if (!read.scenes.empty()) result = solved(std::move(read.scenes), places, read.same_sources);
     for (Index i = 0; i < count; ++i) {
       const std::size_t to = std::size_t(i);
       if (places[to] < 0) continue;
@@ -361,9 +338,9 @@ class SweepRun {
   }
 
   const SolveArguments& arguments_;
-  SceneSource source_;
   ParameterValues settings_;
-  Sweep sweep_;
+  SweepScenes reading_;
+  const Sweep& sweep_ = reading_.sweep();
   SceneChoice choice_;
   Options options_;
   std::unique_ptr<Backend> backend_;

@@ -1,7 +1,8 @@
 // Slabs of time over R ranks: what a sweep costs on the ranks of this run, and a model of it for more of them.
 //
 //     sweep(J, R) = point n J (1 + carry) / R + messages (1 + log2 R) latency + bytes / bandwidth
-//     cycle(J, R) = sum over the grids J, J/2, .., of 2 sweeps each, those below 64 R steps as on one rank
+//     cycle(J, R) = sum over the grids J, J/2, .., of 2 sweeps each, those below fewest R steps as on one
+//         rank; fewest = Communicator::fewest_steps()
 //
 // n J points, R > 1 for what is behind the first term, bytes 8 n (K + 1) to the next rank and 8 (R - 1) P to all
 // (core/slabs/slab_convolution.hpp). Measured: point, latency, bandwidth, and carry, the work of a rank on the state at
@@ -44,6 +45,7 @@ const std::vector<std::string> term_names{"point", "carry", "latency", "bandwidt
 /// What the weights say: n, K and the decay of all modes.
 struct Carries {
   Index n = 0, K = 0, state = 0;  ///< state: values of it that travel
+  double fewest = 0;              ///< steps of a rank in grids that are divided
   RowMatrix decay;
 
   double lasting(double steps) const {
@@ -66,17 +68,17 @@ double sweep(const Terms& terms, const Carries& c, double J, double R) {
 
 double cycle(const Terms& terms, const Carries& c, double J, double R) {
   double sum = 0;
-  for (double steps = J; steps >= double(fewest_steps_of_a_slab); steps /= 2)
-    sum += 2 * sweep(terms, c, steps, steps >= double(fewest_steps_of_a_slab) * R ? R : 1);
+  for (double steps = J; steps >= c.fewest; steps /= 2)
+    sum += 2 * sweep(terms, c, steps, steps >= c.fewest * R ? R : 1);
   return sum;
 }
 
-Carries carries_of(const Scene& scene, Backend& backend, Index J) {
+Carries carries_of(const Scene& scene, Backend& backend, Index J, double fewest) {
   const DiscreteProblem p = discretise(scene, backend, J);
   const SharedWeights weights = make_time_operator(p)->weights(J, nullptr, 0);
   const ModalRecurrence* modal = modal_recurrence_of(*weights);
   if (!modal) throw Error("SCENE", fmt::format("'{}' has no sine modes", scene.name), "use signorini or signorini3d");
-  Carries carries{modal->modes(), modal->exponentials(), modal->modes() * modal->exponentials(), modal->decay};
+  Carries carries{modal->modes(), modal->exponentials(), modal->modes() * modal->exponentials(), fewest, modal->decay};
   if (const SlabOperations& slabs = backend.fused().slabs)  // groups of modes send what they have
     carries.state = slabs.carried_convolution(*modal, {0, J / 2, J}, 0)->state;
   return carries;
@@ -293,7 +295,7 @@ BenchReport bench_scale(const BenchRequest& asked, Backend& backend) {
   const SceneChoice choice = choose_scene(report.scene, settings);
   const Index J = request.steps > 0 ? request.steps : request.quick ? 512 : 2048;
   Place place = place_of(request, backend.threads());
-  const Carries c = carries_of(choice.scene, *place.own, J);
+  const Carries c = carries_of(choice.scene, *place.own, J, double(place.communicator().fewest_steps()));
   report.details["device"] = place.own->device().name;
   const bool all_given = terms.size() == term_names.size();
   if (!all_given) measure(choice.scene, place, c, J, request.repeats(), terms, report);

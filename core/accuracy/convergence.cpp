@@ -30,7 +30,7 @@ Vector sizes(const RowMatrix& values, Index first, const Vector& one, const Vect
   if (!how.relative || values.cols() == 0) return users;
   Vector s = values.bottomRows(values.rows() - first).cwiseAbs().colwise().maxCoeff().transpose();
   if (seen.size() == s.size()) s = s.cwiseMax(seen);
-  return s.cwiseMax(smallest_size * s.maxCoeff()) + how.absolute * users;
+  return s.cwiseMax(std::max(smallest_size * s.maxCoeff(), how.zero)) + how.absolute * users;
 }
 
 // A component each.

@@ -21,14 +21,16 @@ namespace bromwich {
 
 /// What errors are measured against: component i of a kind (y, its mean, x) by
 ///
-///     s_i = max(max_t |c_i|, 1e-3 max_k max_t |c_k|) + absolute,
+///     s_i = max(max_t |c_i|, 1e-3 max_k max_t |c_k|, rounding / tolerance) + absolute,
 ///
-/// all in natural units (core/solve/scaling.hpp).
+/// all in natural units (core/solve/scaling.hpp), in which the terms of the equations have size 1. What rounding of
+/// these terms leaves where they cancel, such as the voltage that ideal diodes hold at 0, is no relative error.
 struct ComponentSizes {
   Vector one_y, one_x;  ///< what 1 in the user's units is for y (n) and for the recorded x; empty = 1
   Vector seen_y = {},
          seen_x = {};    ///< largest values between the rows, n and one for each recorded x; empty = none known
   double absolute = 0;   ///< absolute tolerance over the relative one, in the user's units
+  double zero = 0;       ///< smaller values are rounding: that of terms of size 1, over the relative tolerance
   bool relative = true;  ///< false: 1 in the user's units alone, for all
 
   Vector of_y(const Result&) const;

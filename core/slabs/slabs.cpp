@@ -7,7 +7,7 @@ namespace bromwich {
 Index Slabs::here(Index first_row) const { return std::clamp(first_row - first(), own(), rows()); }
 
 Slabs slabs_of(Index rows, const Communicator& communicator) {
-  const Index steps = rows - 1, ranks = communicator.size(), fewest = fewest_steps_of_a_slab * ranks;
+  const Index steps = rows - 1, ranks = communicator.size(), fewest = communicator.fewest_steps() * ranks;
   Slabs slabs{{}, communicator.rank(), steps};
   if (ranks == 1 || steps < fewest) return slabs;
   Index coarsest = steps;

@@ -4,17 +4,14 @@
 //
 // A point of time has the same owner on the grids with J, J/2, J/4, .. steps, so that values of a finer grid are where
 // a coarser one needs them. For that the ends are multiples of the step of the coarsest of these grids that is divided.
-// A grid is divided while a rank has `fewest_steps_of_a_slab` of its steps in the mean. Every rank holds a shorter one
-// as a whole, and computes it as the others do.
+// A grid is divided while a rank has Communicator::fewest_steps() of its steps in the mean. Every rank holds a shorter
+// one as a whole, and computes it as the others do.
 
 #include "../seam/communicator.hpp"
 
 #include <vector>
 
 namespace bromwich {
-
-/// A coarser grid costs the same messages for half the work.
-inline constexpr Index fewest_steps_of_a_slab = 64;
 
 /// The rows that a rank holds of an array: its own, after a copy of the row before them, unless it is the first rank.
 struct Slabs {

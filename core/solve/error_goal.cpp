@@ -7,6 +7,12 @@
 
 namespace bromwich {
 
+namespace {
+
+constexpr double rounding_of_terms = 64 * epsilon;  ///< of size 1, as sums of them accumulate it
+
+}  // namespace
+
 ErrorGoal::ErrorGoal(const Options& o)
     : y(o.tolerance_y > 0 ? o.tolerance_y : o.tolerance), x(o.tolerance_x > 0 ? o.tolerance_x : o.tolerance) {
   if (o.tolerance_y == 0 && o.tolerance_x == 0 && o.tolerance == 0) y = x = o.absolute_tolerance;
@@ -18,7 +24,10 @@ double ErrorGoal::smallest() const { return y > 0 && x > 0 ? std::min(y, x) : st
 ComponentSizes sizes_for(const Scene& scene, const InnerOptions& o) {
   ComponentSizes sizes;
   sizes.relative = o.tolerance > 0 || o.tolerance_x > 0 || o.tolerance_y > 0;
-  if (sizes.relative) sizes.absolute = o.absolute_tolerance / ErrorGoal(o).smallest();
+  if (sizes.relative) {
+    sizes.absolute = o.absolute_tolerance / ErrorGoal(o).smallest();
+    sizes.zero = rounding_of_terms / ErrorGoal(o).smallest();
+  }
   if (!o.units || o.units->trivial()) return sizes;
   const auto ones = [](const std::vector<int>& exponents, const std::vector<Index>& which) {
     Vector one(Index(which.size()));

@@ -35,15 +35,15 @@ using reference::Random;
 TEST(Slabs, CoverAllRowsOnceAndKeepTheirTimes) {
   for (const int ranks : {2, 3, 4, 7})
     on_threads(ranks, [&](Communicator& communicator) {
-      for (const Index steps : {64 * ranks, 1000, 1024, 4096}) {
+      for (const Index steps : {16 * ranks, 1000, 1024, 4096}) {
         const Slabs fine = slabs_of(steps + 1, communicator);
         if (fine.whole()) {
-          EXPECT_LT(steps, 64 * ranks);
+          EXPECT_LT(steps, 16 * ranks);
           continue;
         }
         EXPECT_EQ(fine.ends.front(), 0);
         EXPECT_EQ(fine.ends.back(), steps);
-        for (int r = 0; r < ranks; ++r) EXPECT_GE(fine.count(r), 62) << "the last bits of an uneven division";
+        for (int r = 0; r < ranks; ++r) EXPECT_GE(fine.count(r), 14) << "the last bits of an uneven division";
         const Slabs coarse = slabs_of(steps / 2 + 1, communicator);
         if (steps % 2 != 0 || coarse.whole()) continue;
         for (std::size_t r = 0; r < fine.ends.size(); ++r) EXPECT_EQ(fine.ends[r], 2 * coarse.ends[r]);
@@ -56,7 +56,7 @@ TEST(Slabs, CoverAllRowsOnceAndKeepTheirTimes) {
 // Grids of which both, one or none are divided, with ends of slabs that are points of the coarse grid or not.
 TEST(SlabBackend, MovesValuesBetweenGrids) {
   const auto cpu = make_cpu_backend(1);
-  for (const auto& grids : {std::pair<Index, Index>(1024, 512), {1024, 128}, {768, 256}, {96, 48}, {700, 350}})
+  for (const auto& grids : {std::pair<Index, Index>(1024, 512), {1024, 128}, {768, 256}, {128, 64}, {24, 12}, {700, 350}})
     for (const int ranks : {1, 2, 3, 7}) {
       const Index fine = grids.first, coarse = grids.second;
       const RowMatrix f = Random(1).matrix(fine + 1, 3), c = Random(2).matrix(coarse + 1, 3),

@@ -3,6 +3,7 @@
 #include "core/base/error.hpp"
 #include "core/catalogue/catalogue.hpp"
 #include "core/solve/cost.hpp"
+#include "tests/support/changed_units.hpp"
 #include "tests/support/true_error.hpp"
 
 #include <gtest/gtest.h>
@@ -44,6 +45,30 @@ TEST(ErrorControl, GivesUpSourcesThatNoGridResolves) {
   EXPECT_EQ(result.status, Status::tolerance_not_met);
   EXPECT_NE(result.reason.find("no grid of"), std::string::npos) << result.reason;
   EXPECT_LE(result.steps, scene.default_steps);
+}
+
+// Two ideal diodes, one in each direction, hold a node at 0 V, and the capacitor that it charges through a resistor
+// too: f + B y = 0, and x is the rounding of these terms. No grid makes it smaller, and it is no error.
+TEST(ErrorControl, TakesWhatRoundingLeavesOfZeroForZero) {
+  Scene scene;
+  scene.dynamics = DenseDynamics{Matrix{{-1.5}}, Matrix{{-0.5, 0.5}}, Matrix{{-0.5}, {0.5}}};
+  scene.M = Matrix{{0.5, -0.5}, {-0.5, 0.5}};
+  const auto source = [](double t) { return 3 * std::sin(7 * t) + 1.4 * std::fmod(t, 0.3); };
+  scene.f = [source](double t, Eigen::Ref<Vector> v) { v[0] = source(t) / 2; };
+  scene.g = [source](double t, Eigen::Ref<Vector> v) { v << -source(t) / 2, source(t) / 2; };
+  for (int k = 1; k < 7; ++k) scene.breakpoints.push_back(0.3 * k);
+  scene.x0 = Vector{{0}};
+  scene.T = 2;
+  scene.default_steps = 200;
+  Options options;
+  options.tolerance_x = 1e-3;
+  options.states = StateSelection::all;
+  for (const int unit : {0, -9, 9}) {
+    const Result result = run(oracle::in_other_units(scene, {{unit}, {unit, unit}, {unit, unit}, 0}), options);
+    EXPECT_EQ(result.status, Status::solved) << result.reason;
+    EXPECT_EQ(result.steps, 200);
+    EXPECT_LE(result.x.cwiseAbs().maxCoeff(), 100 * epsilon / oracle::power_of_ten(unit));
+  }
 }
 
 TEST(ErrorControl, StopsWhereMemoryEnds) {
