@@ -41,6 +41,12 @@ struct FitArguments {
   bool json = false;
 };
 
+struct DerivativeArguments {
+  std::vector<std::string> words, settings;
+  std::string by, columns, at, method, steps, tolerance, threads, out;
+  bool located = false, json = false;
+};
+
 struct CheckArguments {
   std::vector<std::string> words, settings;
   std::string method = "auto", backend = "auto";
@@ -56,6 +62,7 @@ int run_solve(const SolveArguments& arguments);
 int run_bench(const BenchArguments& arguments);
 int run_plot(const PlotArguments& arguments);
 int run_check(const CheckArguments& arguments);
+int run_derivative(const DerivativeArguments& arguments);
 int run_fit(const FitArguments& arguments);
 int run_info();
 

@@ -1,9 +1,8 @@
 #include "app/fit.hpp"
 
+#include "app/parameter_columns.hpp"
 #include "app/text.hpp"
 #include "core/base/error.hpp"
-#include "core/derivatives/switched_derivative.hpp"
-#include "core/scene/separable.hpp"
 #include "core/solve/dense_output.hpp"
 
 #include <fmt/format.h>
@@ -63,26 +62,6 @@ class Substitution {
   double scale_;
 };
 
-RowMatrix table_of(const TimeFunction& function, const Vector& t, Index width) {
-  return function && width > 0 ? RowMatrix(sample(function, t, width).table()) : RowMatrix::Zero(t.size(), width);
-}
-
-// The change of the data of a scene with a parameter, by central differences.
-DataChange change(const Scene& below, const Scene& above, const Vector& t, double distance) {
-  const DenseDynamics &a = *below.dynamics->small_state(), &b = *above.dynamics->small_state();
-  DataChange c;
-  c.x0 = (above.x0 - below.x0) / distance;
-  c.A = (b.A - a.A) / distance;
-  c.B = (b.B - a.B) / distance;
-  c.N = (b.N - a.N) / distance;
-  c.M = (to_dense(above.M) - to_dense(below.M)) / distance;
-  c.g = (table_of(above.g, t, above.constraints()) - table_of(below.g, t, below.constraints())) / distance;
-  c.f = (table_of(above.f, t, above.sources()) * source_matrix(above, b).transpose() -
-         table_of(below.f, t, below.sources()) * source_matrix(below, a).transpose()) /
-        distance;
-  return c;
-}
-
 class Problem {
  public:
   // For the library.
@@ -94,7 +73,7 @@ class Problem {
 
   Problem(const std::function<Scene(const Vector&)>& scene_of, const std::vector<FreeParameter>& free,
           const FitData& data, Backend& backend, Options options)
-      : scene_of_(scene_of), data_(data), backend_(backend), options_(std::move(options)) {
+      : scene_of_(scene_of), free_(free), data_(data), backend_(backend), options_(std::move(options)) {
     for (const FreeParameter& p : free) by_.emplace_back(p);
     options_.trace = need_trace(data.columns);
     // N x between time points takes the state.
@@ -206,54 +185,30 @@ class Problem {
     const Scene scene = scene_of_(p);
     std::string reason;
     if (last_p_ != p && !residuals(p, reason)) throw Error("derivative", reason, "");
-    // Where y may jump, switches are located, and the derivative is that at the time points and those of the data.
-    const bool located = y_may_jump(last_);
-    std::optional<SolutionDerivative> discrete;
-    std::optional<SwitchedDerivative> switched;
-    const Vector t = located ? all_times() : last_.t;
-    if (located)
-      switched.emplace(scene, t);
-    else
-      discrete.emplace(scene, last_);
+    std::vector<VariedParameter> parameters;
+    for (Index i = 0; i < p.size(); ++i)
+      parameters.push_back({free_[std::size_t(i)].name, p[i], [this, p, i](double value) {
+                              Vector changed = p;
+                              changed[i] = value;
+                              return ParameterScene{scene_of_(changed)};
+                            }});
+    const ParameterDerivative d(scene, last_, backend_, parameters, {}, data_.t);
+    const bool of_trace = std::any_of(data_.columns.begin(), data_.columns.end(),
+                                      [](const Column& c) { return c.kind == ColumnKind::trace; });
     Matrix J(values(), inputs());
     for (Index i = 0; i < p.size(); ++i) {
-      const auto [below, above] = around(p, i);
-      const Scene a = scene_of_(below), b = scene_of_(above);
-      if (a.T != b.T || a.states() != b.states() || a.constraints() != b.constraints() || !a.dynamics->small_state())
-        throw Error("derivative", "the parameters change T or sizes", "");
-      const DataChange c = change(a, b, t, above[i] - below[i]);
-      J.col(i) = column(located ? switched->jvp(c) : discrete->jvp(c), t, scene);
+      if (of_trace && d.change(i).N.size() > 0) throw Error("derivative", "N changes, and N x is measured", "");
+      J.col(i) = column(d.jvp(i, true), d.times(), scene);
     }
-    derivatives_ = located ? "derivative with located switches, data of the scene by central differences"
-                           : "derivative of the discrete solution, data of the scene by central differences";
+    derivatives_ = d.in_words();
     return J;
   }
 
-  Vector all_times() const {
-    std::vector<double> t(last_.t.begin(), last_.t.end());
-    t.insert(t.end(), data_.t.begin(), data_.t.end());
-    std::sort(t.begin(), t.end());
-    const double same = 1e-12 * t.back();
-    t.erase(std::unique(t.begin(), t.end(), [same](double a, double b) { return b - a <= same; }), t.end());
-    t.back() = last_.t[last_.t.size() - 1];
-    return Eigen::Map<const Vector>(t.data(), Index(t.size()));
-  }
-
-  // Linear between the times.
-  Vector column(const SolutionChange& d, const Vector& t, const Scene& scene) const {
+  Vector column(const SolutionChange& change, const Vector& t, const Scene& scene) const {
     Vector values(this->values());
-    const RowMatrix trace = d.x * scene.dynamics->small_state()->N.transpose();
     for (std::size_t k = 0; k < places_.size(); ++k) {
-      const Column& c = data_.columns[std::size_t(places_[k].second)];
-      const RowMatrix& table = c.kind == ColumnKind::y   ? d.y
-                               : c.kind == ColumnKind::x ? d.x
-                               : c.kind == ColumnKind::w ? d.w
-                                                         : trace;
-      const double at = data_.t[std::size_t(places_[k].first)];
-      const Index after = Index(std::upper_bound(t.begin(), t.end(), at) - t.begin());
-      const Index below = std::clamp<Index>(after - 1, 0, t.size() - 2);
-      const double part = (at - t[below]) / (t[below + 1] - t[below]);
-      values[Index(k)] = (1 - part) * table(below, c.component) + part * table(below + 1, c.component);
+      const auto& [j, column] = places_[k];
+      values[Index(k)] = column_of(change, t, scene, data_.columns[std::size_t(column)], {data_.t[std::size_t(j)]})[0];
     }
     return values;
   }
@@ -270,6 +225,7 @@ class Problem {
   }
 
   const std::function<Scene(const Vector&)>& scene_of_;
+  const std::vector<FreeParameter>& free_;
   const FitData& data_;
   Backend& backend_;
   Options options_;

@@ -5,9 +5,8 @@
 // Levenberg and Marquardt's method (MINPACK, as Eigen has it). Bounds by the substitutions of MINUIT (James & Roos,
 // Comput. Phys. Commun. 10, 1975): p = a + (b - a)(1 + sin u)/2, or p = a - 1 + sqrt(u² + 1) with one bound.
 //
-// The Jacobian is that of the discrete solution (core/derivatives/solution_derivative.hpp), or where y may jump the one
-// with located switches (core/derivatives/switched_derivative.hpp), with central differences of the matrices and
-// sources that the scene has for p; or by central differences of solves where that is refused.
+// The Jacobian is a derivative with respect to parameters (core/derivatives/parameter_derivative.hpp), or by central
+// differences of solves where that is refused.
 
 #include "app/columns.hpp"
 #include "core/catalogue/catalogue.hpp"

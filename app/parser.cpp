@@ -169,6 +169,32 @@ CLI::App* add_command(CLI::App& app, PlotArguments& a) {
   return command;
 }
 
+CLI::App* add_command(CLI::App& app, DerivativeArguments& a) {
+  CLI::App* command = app.add_subcommand("derivative", "how a solution changes with parameters of its scene");
+  command->add_option("SCENE", a.words, "a scene that 'bromwich scenes' lists, or a file .toml")->option_text(" ");
+  add_settings(command, a.settings);
+  add_word(command, "--by", a.by, "LIST", "parameters of the scene, R,C");
+  add_word(command, "--columns", a.columns, "LIST",
+           "of y, w, x, or single ones by name, y0,w0,x2; default: y, and the states of scenes with at most 64");
+  add_word(command, "--at", a.at, "LIST", "times, 0.1,0.25; default: T, in --out all time points");
+  add_word(command, "--method", a.method, "NAME", join(method_names()) + "; default: auto");
+  add_word(command, "--steps", a.steps, "J", "time steps; default: the scene's own");
+  add_word(command, "--tol", a.tolerance, "EPS", "refine the grid as 'bromwich solve --tol' does");
+  add_word(command, "--threads", a.threads, "N", "threads; default: all cores");
+  add_word(command, "--out", a.out, "FILE.csv", "write the columns, and beside each its derivatives");
+  command->add_flag("--located", a.located, "with located switches, also where y is continuous");
+  command->add_flag("--json", a.json, "print one JSON object instead of the table");
+  command->footer(
+      "Exact derivatives with respect to the data of the scene, which are differentiated by central differences. Where "
+      "y or\n"
+      "x may jump, switches are located. If the scene has a [quantity], the row I is that quantity.\n"
+      "Examples:\n"
+      "  bromwich derivative my.toml --by R,C\n"
+      "  bromwich derivative my.toml --by R --columns v_C --at 1e-3,2e-3 --out curves.csv\n"
+      "Exit code: 0 found, 2 bad input, 3 not solved or not differentiable here.");
+  return command;
+}
+
 CLI::App* add_command(CLI::App& app, FitArguments& a) {
   CLI::App* command = app.add_subcommand("fit", "fit parameters of a scene to measured values");
   command->add_option("SCENE", a.words, "a scene that 'bromwich scenes' lists, or a file .toml")->option_text(" ");

@@ -2,7 +2,6 @@
 
 #include "core/base/error.hpp"
 #include "core/result/result.hpp"
-#include "core/scene/port_hamiltonian.hpp"
 #include "files/names.hpp"
 #include "files/scene_matrices.hpp"
 #include "files/sections.hpp"
@@ -57,8 +56,6 @@ std::optional<Reference> read_reference(const Section& section, const Scene& sce
 
 std::shared_ptr<const QuantityOfInterest> read_quantity(const Section& section, const Scene& scene) {
   if (!section.given()) return nullptr;
-  if (!scene.port)
-    throw Error(section.where("W"), "is given without a section [port]", "leave it out: it is for method goal");
   QuadraticQuantity q;
   q.name = section.text("name", q.name);
   if (section.has("W")) q.W = sparse_value(section.matrix("W"));

@@ -2,6 +2,8 @@
 
 #include "core/scene/separable.hpp"
 
+#include <tuple>
+
 namespace bromwich::app {
 
 namespace {
@@ -45,11 +47,12 @@ std::vector<Change> changes_of_any(const Scene& scene, const Vector& t, bool by_
   const Index n = scene.constraints();
   std::vector<Change> all(4);
   for (std::size_t i = 0; i < all.size(); ++i) all[i].linear = i < 3;
-  all[0].name = "x0";
-  all[0].data.x0 = size_of(scene.x0) * draw.matrix(scene.states(), 1);
-  all[0].scene = [&scene, x0 = all[0].data.x0](double by) {
+  const Vector start = size_of(scene.boundary ? scene.boundary->b : scene.x0) * draw.matrix(scene.states(), 1);
+  all[0].name = scene.boundary ? "b" : "x0";
+  (scene.boundary ? all[0].data.b : all[0].data.x0) = start;
+  all[0].scene = [&scene, start](double by) {
     Scene s = scene;
-    s.x0 += by * x0;
+    (s.boundary ? s.boundary->b : s.x0) += by * start;
     return s;
   };
   all[1].name = "f";
@@ -110,6 +113,21 @@ void add_matrices(const Scene& scene, Drawing& draw, std::vector<Change>& all) {
       DenseDynamics d = *scene.dynamics->small_state();
       d.*of += by * more;
       s.dynamics = std::move(d);
+      return s;
+    };
+    all.push_back(std::move(c));
+  }
+  if (!scene.boundary) return;
+  for (const auto& [name, of, change] :
+       {std::tuple("E0", &BoundaryCondition::E0, &DataChange::E0), {"ET", &BoundaryCondition::ET, &DataChange::ET}}) {
+    const Matrix& given = (*scene.boundary).*of;
+    Change c;
+    c.name = name;
+    c.linear = false;
+    c.data.*change = size_of(given) * draw.matrix(given.rows(), given.cols());
+    c.scene = [&scene, of = of, more = c.data.*change](double by) {
+      Scene s = scene;
+      (*s.boundary).*of += by * more;
       return s;
     };
     all.push_back(std::move(c));

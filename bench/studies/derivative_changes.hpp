@@ -28,11 +28,11 @@ struct Change {
   std::function<Scene(double)> scene;  ///< with the change times a number
 };
 
-/// Changes of x0, f, g and M of the size of the data; f and g change linearly in time. `by_B`: f as phi of f = B phi.
-/// The scene has to outlive them.
+/// Changes of x0 (or b), f, g and M of the size of the data; f and g change linearly in time. `by_B`: f as phi of f = B
+/// phi. The scene has to outlive them.
 std::vector<Change> changes_of_any(const Scene&, const Vector& t, bool by_B, Drawing&);
 
-/// And of the matrices of dense dynamics.
+/// And of the matrices of dense dynamics, and of the ends.
 void add_matrices(const Scene&, Drawing&, std::vector<Change>& all);
 
 }  // namespace bromwich::app

@@ -3,6 +3,7 @@
 #include "bench/studies/derivative_changes.hpp"
 #include "core/base/error.hpp"
 #include "core/base/text.hpp"
+#include "core/derivatives/galerkin_derivative.hpp"
 #include "core/derivatives/modal_derivative.hpp"
 #include "core/derivatives/space_time_derivative.hpp"
 #include "core/derivatives/switched_derivative.hpp"
@@ -24,6 +25,7 @@ namespace {
 constexpr Index largest_dense = 400;   ///< states that are written out
 constexpr double largest_step = 1e-5;  ///< of a difference, relative: its error is 1e-10
 constexpr double within_reach = 0.3;   ///< of the change that leaves the active sets, to first order
+constexpr double within_margin = 0.1;  ///< of the margin, of boundary-value problems
 constexpr double located_steps[] = {1e-4, 1e-5, 1e-6, 1e-7};
 constexpr double most_noise = 1e-2;  ///< differences with more say nothing
 constexpr int most_halved = 4;       ///< times that T is halved where they do
@@ -37,8 +39,9 @@ double dot(const RowMatrix& a, const RowMatrix& b) {
 // <J^T u, v> of a gradient and a change.
 double product(const DataChange& a, const DataChange& b) {
   double sum = a.x0.size() > 0 && b.x0.size() > 0 ? a.x0.dot(b.x0) : 0;
-  sum += dot(a.f, b.f) + dot(a.g, b.g);
-  for (const auto member : {&DataChange::A, &DataChange::B, &DataChange::N, &DataChange::M, &DataChange::E})
+  sum += dot(a.f, b.f) + dot(a.g, b.g) + (a.b.size() > 0 && b.b.size() > 0 ? a.b.dot(b.b) : 0);
+  for (const auto member : {&DataChange::A, &DataChange::B, &DataChange::N, &DataChange::M, &DataChange::E,
+                            &DataChange::E0, &DataChange::ET})
     if ((a.*member).size() > 0 && (b.*member).size() > 0) sum += (a.*member).cwiseProduct(b.*member).sum();
   return sum;
 }
@@ -116,8 +119,14 @@ struct Discrete {
 
 Discrete discrete_of(const Scene& scene, Backend& backend, Index steps, std::string& kind) {
   Discrete d;
-  d.result = solve(scene, backend, options_of(Method::march, steps));
-  if (scene.dynamics->small_state()) {
+  d.result = solve(scene, backend, options_of(scene.boundary ? Method::galerkin : Method::march, steps));
+  if (scene.boundary) {
+    const auto of = std::make_shared<GalerkinDerivative>(scene, d.result);
+    d.jvp = [of](const DataChange& c) { return of->jvp(c); };
+    d.vjp = [of](const SolutionChange& c) { return of->vjp(c); };
+    d.margin = of->margin().margin;
+    kind = "boundary";
+  } else if (scene.dynamics->small_state()) {
     const auto of = std::make_shared<SolutionDerivative>(scene, d.result);
     d.jvp = [of](const DataChange& c) { return of->jvp(c); };
     d.vjp = [of](const SolutionChange& c) { return of->vjp(c); };
@@ -155,13 +164,18 @@ void compare_discrete(const Scene& scene, Backend& backend, const Discrete& d, D
   const Vector& t = d.result.t;
   std::vector<Change> changes = changes_of_any(scene, t, !scene.dynamics->small_state(), draw);
   if (scene.dynamics->small_state()) add_matrices(scene, draw, changes);
-  RowMatrix w = d.result.trace + d.result.y * to_dense(scene.M).transpose();
+  RowMatrix w = d.result.y * to_dense(scene.M).transpose();
+  w +=
+      d.result.trace.size() > 0 ? d.result.trace : RowMatrix(d.result.x * scene.dynamics->small_state()->N.transpose());
   if (scene.g && scene.constraints() > 0) w += sample(scene.g, t, scene.constraints()).table();
   for (const Change& c : changes) try {
       const SolutionChange out = d.jvp(c.data);
       const double relative = std::max({relative_change(out.y, d.result.y), relative_change(out.x, d.result.x),
                                         relative_change(out.w, w), c.linear ? 1e-12 : 1.0});
-      const double step = std::min(within_reach * reach(d.result.y, w, out), largest_step / relative);
+      // Of boundary values the moments of y and w are complementary, not their values at the time points.
+      const double keeps =
+          scene.boundary ? within_margin * d.margin / relative : within_reach * reach(d.result.y, w, out);
+      const double step = std::min(keeps, largest_step / relative);
       if (!(step > 0)) throw Error("derivative", "y = w = 0 at a time point", "another grid");
       const Difference one = difference(c, step, d.result, backend), other = difference(c, step / 2, d.result, backend);
       check.error[c.name] = std::max(largest_deviation(out.y, one.y), largest_deviation(out.x, one.x));
@@ -263,8 +277,10 @@ void check_located_instead(const Scene& scene, Drawing& draw, DerivativeCheck& c
 
 void check_once(const Scene& scene, Backend& backend, Index steps, Index grids, DerivativeCheck& check) {
   Drawing draw;
-  const Result first = solve(scene, backend, options_of(Method::march, steps));
-  if (first.status == Status::solved && y_may_jump(first)) return check_located(scene, draw, check);
+  if (!scene.boundary) {
+    const Result first = solve(scene, backend, options_of(Method::march, steps));
+    if (first.status == Status::solved && y_may_jump(first)) return check_located(scene, draw, check);
+  }
   std::optional<Discrete> best;
   for (Index more = 0; more < grids; ++more) try {
       Discrete d = discrete_of(scene, backend, steps + more, check.kind);
@@ -272,6 +288,7 @@ void check_once(const Scene& scene, Backend& backend, Index steps, Index grids, 
     } catch (const Error& refusal) {
       check.reason = refusal.what();
     }
+  if (!best && scene.boundary) return;
   if (!best) return check_located_instead(scene, draw, check);
   check.reason.clear();
   check.steps = best->result.steps;

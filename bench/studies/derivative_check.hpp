@@ -17,7 +17,7 @@ enum class Verdict {
 
 struct DerivativeCheck {
   Index states = 0, constraints = 0, steps = 0;
-  std::string kind;    ///< "discrete", "in modes", "over all times" or "located"; empty: none
+  std::string kind;    ///< "discrete", "in modes", "over all times", "boundary" or "located"; empty: none
   std::string reason;  ///< why there is none
   double T = 0;        ///< half of that of the scene, or less, where solutions grow so that rounding hides differences
   double margin = NAN;

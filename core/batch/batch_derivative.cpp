@@ -1,6 +1,7 @@
 #include "core/batch/batch_derivative.hpp"
 
 #include "core/base/error.hpp"
+#include "core/base/interruption.hpp"
 #include "core/base/text.hpp"
 #include "core/lcp/lcp_class.hpp"
 
@@ -41,6 +42,7 @@ BatchDerivative::BatchDerivative(const Batch& batch, const BatchResult& result, 
                 text("give the result of these %ld scenes", long(K)));
   all_.resize(std::size_t(K)), reason_.resize(std::size_t(K));
   for (Index k = 0; k < K; ++k) try {
+      check_interruption();
       prepare(k, scene_of(batch, k), result, located);
     } catch (const Error& e) {
       all_[std::size_t(k)] = {};

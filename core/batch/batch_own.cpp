@@ -79,7 +79,7 @@ void add_sources(OwnScene& own, Backend& backend, Index J) {
 
 // Scenes that share neither dynamics nor M: a plan each.
 void BatchRun::take_own(const std::vector<Index>& all) {
-  const Index together = lanes * groups_between_polls * std::max(1, backend_.threads());
+  const Index together = scenes_between_polls();
   std::optional<NaturalUnits> nearby;
   std::optional<CommonSources> common;
   for (std::size_t first = 0; first < all.size() && !stopped_; first += std::size_t(together)) {

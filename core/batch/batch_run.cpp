@@ -63,7 +63,7 @@ BatchRun::BatchRun(const Batch& batch, Backend& backend, const Options& options,
   done_.assign(K, 0);
 }
 
-BatchResult BatchRun::run(const std::function<void(const Progress&)>& progress) {
+BatchResult BatchRun::run(const std::function<void(const Progress&)>& progress, bool fill) {
   Timer timer;
   progress_ = progress;
   std::vector<Index> alone;
@@ -78,11 +78,15 @@ BatchResult BatchRun::run(const std::function<void(const Progress&)>& progress) 
   }
   if (for_lanes() && Index(alone.size()) >= fewest_in_lanes) take_own(alone);
   take_singly(alone, false);
+  Index kept = batch_.scenes;
+  while (!fill && kept > 1 && !done_[std::size_t(kept - 1)]) --kept;
   for (Index k = 0; k < batch_.scenes; ++k)
     if (!done_[std::size_t(k)]) {
-      clear_rows(result_, k);
+      if (k < kept) clear_rows(result_, k);
       result_.reason[std::size_t(k)] = "stopped on request before this scene";
     }
+  for (RowMatrix* all : {&result_.y, &result_.w, &result_.x})
+    if (kept < batch_.scenes && all->rows() > 0) all->conservativeResize(kept * rows_, Eigen::NoChange);
   result_.prepared = alone_.prepared() + (side_by_side_ ? side_by_side_->prepared() : 0);
   result_.bytes = sizeof(double) * std::size_t(result_.y.size() + result_.w.size() + result_.x.size());
   result_.seconds = timer.lap();
@@ -92,7 +96,17 @@ BatchResult BatchRun::run(const std::function<void(const Progress&)>& progress) 
 void BatchRun::say(Index more) {
   count_ += more;
   if (progress_) progress_({count_, 0, batch_.scenes});
+  asked_to_stop();
+}
+
+bool BatchRun::asked_to_stop() {
   stopped_ = stopped_ || (options_.interrupted && options_.interrupted());
+  return stopped_;
+}
+
+Index BatchRun::scenes_between_polls() const {
+  const Index groups = std::clamp<Index>(steps_between_polls / (lanes * J_), 1, groups_between_polls);
+  return lanes * groups * std::max(1, backend_.threads());
 }
 
 // ---- Side by side.
@@ -119,6 +133,7 @@ void BatchRun::take_lanes(const std::vector<Index>& group) {
     if (!plan) return;
     if (!plan->stages) return march_group(*plan, group);
     const std::vector<NaturalUnits> units = units_of(group);
+    if (stopped_) return;
     std::map<UnitKey, std::pair<NaturalUnits, std::vector<Index>>> by_units;
     for (std::size_t i = 0; i < group.size(); ++i) {
       auto& same = by_units[key_of(units[i])];
@@ -135,14 +150,15 @@ void BatchRun::take_lanes(const std::vector<Index>& group) {
 
 // The natural units of each scene of a group. They depend on f and g by their largest values: shared ones are sampled
 // once.
-std::vector<NaturalUnits> BatchRun::units_of(const std::vector<Index>& group) const {
+std::vector<NaturalUnits> BatchRun::units_of(const std::vector<Index>& group) {
   std::vector<NaturalUnits> units(group.size());
   const auto of = [&](const Scene& scene) {
     const bool good = scene.x0.size() == scene.states() && scene.x0.allFinite();  // a single solve refuses others
     return good ? natural_units(scene) : NaturalUnits{};
   };
   if (own_sources_) {
-    for (std::size_t i = 0; i < group.size(); ++i) units[i] = of(scene_of(batch_, group[i]));
+    for (std::size_t i = 0; i < group.size() && !(i % 16 == 0 && asked_to_stop()); ++i)
+      units[i] = of(scene_of(batch_, group[i]));
     return units;
   }
   Scene common = scene_of(batch_, group.front());
@@ -163,11 +179,12 @@ std::vector<NaturalUnits> BatchRun::units_of(const std::vector<Index>& group) co
 
 void BatchRun::march_group(const LanePlan& plan, const std::vector<Index>& all) {
   const std::vector<Index> group = march_on_device(plan, all);
-  const Index together = lanes * groups_between_polls * std::max(1, backend_.threads());
-  const Index count = Index(group.size());
+  const Index together = scenes_between_polls(), count = Index(group.size());
   for (Index first = 0; first < count && !stopped_; first += together) {
     std::vector<Prepared> scenes;  // functions of the user are called by this thread alone
-    for (Index i = first; i < std::min(count, first + together); ++i) try {
+    for (Index i = first; i < std::min(count, first + together) && !(own_sources_ && i % 16 == 0 && asked_to_stop());
+         ++i)
+      try {
         LaneInput input;
         if (input_of(plan, group[std::size_t(i)], input)) scenes.push_back({group[std::size_t(i)], std::move(input)});
       } catch (const Error&) {  // the single solve says so

@@ -20,13 +20,15 @@ namespace bromwich {
 class BatchRun {
  public:
   BatchRun(const Batch&, Backend&, const Options&, const MakeBackend& another);
-  BatchResult run(const std::function<void(const Progress&)>& progress);
+  /// `fill`: with rows of NaN for scenes that were not reached; otherwise y, w and x end with the last one that was.
+  BatchResult run(const std::function<void(const Progress&)>& progress, bool fill = true);
 
   static constexpr double most_lane_bytes = 256e6;  ///< of the buffers of one thread
 
  private:
   static constexpr Index lanes = 8;
-  static constexpr Index groups_between_polls = 16;  ///< of lanes, for each thread
+  static constexpr Index groups_between_polls = 16;             ///< of lanes, for each thread
+  static constexpr Index steps_between_polls = Index(1) << 21;  ///< of all scenes, for each thread: about 0.1 s
 
   // A scene and what its lane starts from.
   struct Prepared {
@@ -38,10 +40,12 @@ class BatchRun {
     return all.block(k * rows_, 0, all.size() > 0 ? rows_ : 0, all.cols());
   }
   void say(Index more);
+  bool asked_to_stop();
+  Index scenes_between_polls() const;
 
   bool for_lanes() const;
   void take_lanes(const std::vector<Index>& group);
-  std::vector<NaturalUnits> units_of(const std::vector<Index>& group) const;
+  std::vector<NaturalUnits> units_of(const std::vector<Index>& group);
   void march_group(const LanePlan&, const std::vector<Index>& group);
   bool input_of(const LanePlan&, Index k, LaneInput&) const;
   void take_own(const std::vector<Index>& scenes);

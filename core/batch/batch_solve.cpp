@@ -3,6 +3,7 @@
 #include "core/batch/batch.hpp"
 #include "core/batch/batch_groups.hpp"
 #include "core/batch/batch_run.hpp"
+#include "core/batch/stopped_batch.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -56,14 +57,38 @@ double predicted_bytes(const Batch& b, const Options& options, Index scenes, int
          (of_lanes <= BatchRun::most_lane_bytes ? of_lanes * double(threads) : 0);
 }
 
-BatchResult solve_batch(const Batch& batch, Backend& backend, const Options& options, const MakeBackend& another) {
+namespace {
+
+BatchResult solved_batch(const Batch& batch, Backend& backend, const Options& options, const MakeBackend& another,
+                         bool fill) {
   batch.validate();
   validate_options(batch, options);
   const double bytes = predicted_bytes(batch, options, batch.scenes, backend.threads());
   if (options.memory_limit > 0 && bytes > options.memory_limit)
     throw Error("memory_limit", text("%ld scenes are predicted to need %.3g bytes", long(batch.scenes), bytes),
                 "raise it, record fewer states, or solve in blocks", ErrorKind::does_not_fit);
-  return BatchRun(batch, backend, options, another).run(options.progress);
+  return BatchRun(batch, backend, options, another).run(options.progress, fill);
+}
+
+}  // namespace
+
+BatchResult solve_batch(const Batch& batch, Backend& backend, const Options& options, const MakeBackend& another) {
+  return solved_batch(batch, backend, options, another, true);
+}
+
+BatchResult solve_batch_until_stopped(const Batch& batch, Backend& backend, const Options& options,
+                                      const MakeBackend& another) {
+  return solved_batch(batch, backend, options, another, false);
+}
+
+void add_missing_rows(BatchResult& r) {
+  const Index rows = r.scenes * r.rows();
+  for (RowMatrix* all : {&r.y, &r.w, &r.x}) {
+    const Index missing = rows - all->rows();
+    if (missing == 0 || all->size() == 0) continue;  // not recorded
+    all->conservativeResize(rows, Eigen::NoChange);
+    all->bottomRows(missing).setConstant(NAN);
+  }
 }
 
 Index solve_in_blocks(const Batch& batch, Backend& backend, const Options& options,

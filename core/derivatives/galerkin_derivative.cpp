@@ -6,11 +6,15 @@
 #include "core/galerkin/recovery.hpp"
 #include "core/lcp/lcp_class.hpp"
 #include "core/numerics/two_point.hpp"
+#include "core/scene/separable.hpp"
 
+#include <Eigen/LU>
 #include <Eigen/QR>
 
 #include <algorithm>
 #include <cmath>
+#include <set>
+#include <utility>
 
 namespace bromwich {
 
@@ -18,6 +22,9 @@ namespace {
 
 constexpr double left_of_conditions = 1e-7;  ///< residual of the result in its discrete problem
 constexpr double least_condition = 1e-14;
+
+const char* const divided_sources = "sources jump or bend inside intervals, and matrices have no derivative there";
+const char* const other_nodes = "solve on intervals that end at the breakpoints";
 
 [[noreturn]] void refuse_galerkin(const std::string& found, const std::string& remedy) {
   throw Error("derivative", found, remedy);
@@ -28,15 +35,30 @@ const Scene& checked_for_galerkin(const Scene& scene, const Result& r) {
     refuse_galerkin(text("the result is not solved (%s)", to_string(r.status)), "differentiate solved results");
   if (r.method != Method::galerkin)
     refuse_galerkin(text("the result is of method %s", to_string(r.method)), "solve by galerkin");
-  if (scene.dynamics->has_mass()) refuse_galerkin("the dynamics have a mass matrix", "give E^-1 A and E^-1 B");
   if (scene.constraints() == 0)
     refuse_galerkin("the scene has no constraints", "add one that is never active: M = 1 and g = 1");
-  if (!r.interval_rules.empty() || !has_one_solution(selection_class(scene.M, scene.lcp_class)))
-    refuse_galerkin("not differentiable here: y may jump, and the derivative of the discrete solution is not that of y",
-                    "differentiate scenes with a continuous y (M of class P)");
+  if (!r.interval_rules.empty())
+    refuse_galerkin("not differentiable here: M_SS is singular on an active set, and y may jump",
+                    "differentiate scenes with a continuous y");
   const Index N = r.t.size() - 1, n = scene.constraints();
   if (r.y.rows() != N + 1 || r.y_left.rows() != N || r.y.cols() != n || r.y_left.cols() != n)
     refuse_galerkin("the result has other rows than its grid", "differentiate a result as solve returned it");
+  return scene;
+}
+
+// The scene with dense dynamics and E = I; `inverse`: of its E, empty without one.
+Scene without_mass_matrix(const Scene& given, Matrix& inverse) {
+  Scene scene = written_out(given);
+  const DenseDynamics& d = *scene.dynamics->small_state();
+  if (d.E.size() == 0) return scene;
+  const Eigen::PartialPivLU<Matrix> lu(d.E);
+  if (!(lu.rcond() > least_condition)) refuse_galerkin("E is singular", "eliminate the algebraic states");
+  inverse = lu.inverse();
+  if (scene.f) {
+    scene.F = Matrix(inverse * source_matrix(scene, d)).sparseView();
+    scene.f_entry = SourceEntry::through_F;
+  }
+  scene.dynamics = DenseDynamics{inverse * d.A, inverse * d.B, d.N};
   return scene;
 }
 
@@ -60,37 +82,25 @@ RowMatrix right_ends_of(const RowMatrix& z) {
   return y;
 }
 
-// (2 a + b, a + 2 b)/3, the moments of a line from a to b.
-Vector moments(const Vector& a, const Vector& b) {
-  Vector both(a.size() + b.size());
-  both << (2 * a + b) / 3, (a + 2 * b) / 3;
-  return both;
-}
-
 }  // namespace
 
 GalerkinDerivative::GalerkinDerivative(const Scene& scene, const Result& result)
-    : d_(to_dense(checked_for_galerkin(scene, result).dynamics)),
+    : scene_(without_mass_matrix(checked_for_galerkin(scene, result), inverse_E_)),
+      d_(to_dense(scene_.dynamics)),
       M_(to_dense(scene.M)),
       z_(galerkin_coefficients(result)),
+      y_(right_ends_of(z_)),
       m_(scene.states()),
       n_(scene.constraints()) {
-  SharedDynamics shared(scene.dynamics);
-  p_ = galerkin_problem(scene, grid_parts(result.t), shared);
+  SharedDynamics shared(scene_.dynamics);
+  p_ = galerkin_problem(scene_, grid_parts(result.t), shared);
   x_ = galerkin_states(p_, z_);
   if (!(natural_residual(p_, z_, x_, scene.free_rows) <= left_of_conditions))
     refuse_galerkin("the intervals of the result do not give its y", "solve without breakpoints inside intervals");
-  for (const GalerkinRun& run : p_.runs) {
-    const double h = length(run.first);
-    const std::vector<Matrix>& G = *shared.phis(h);
-    const Matrix &N = d_.N, diagonal = 2 * h * N * (G[3] - G[4]);
-    Entry entry{{h * (G[1] - G[2]), h * G[2]}, {Matrix(2 * n_, m_), Matrix(2 * n_, m_)}};
-    entry.q_of_f[0] << diagonal, 2 * h * N * (G[2] - 2 * G[3] + G[4]);
-    entry.q_of_f[1] << 2 * h * N * G[4], diagonal;
-    entries_.push_back(std::move(entry));
-  }
-  take_sets(scene);
-  judge(scene);
+  entries_ = galerkin_entries(p_, shared);
+  take_sets();
+  check_continuous();
+  judge();
 }
 
 Index GalerkinDerivative::run_of(Index k) const {
@@ -100,9 +110,9 @@ Index GalerkinDerivative::run_of(Index k) const {
 }
 
 // The active sets, and P of each.
-void GalerkinDerivative::take_sets(const Scene& scene) {
+void GalerkinDerivative::take_sets() {
   const auto is_free = [&](Index i) {
-    return std::binary_search(scene.free_rows.begin(), scene.free_rows.end(), i % n_);
+    return std::binary_search(scene_.free_rows.begin(), scene_.free_rows.end(), i % n_);
   };
   Vector of_column(2 * n_);
   for (Index k = 0; k < p_.N; ++k) {
@@ -124,75 +134,149 @@ void GalerkinDerivative::take_sets(const Scene& scene) {
   }
 }
 
+// Where the sets of neighbouring intervals differ, y is a Lipschitz function of x and t if the Schur complement of M on
+// what acts all along, free rows included, is a P-matrix on the rest (strong regularity: Robinson, Math. Oper. Res. 5,
+// 1980). Elsewhere M_SS is regular: method galerkin takes other intervals by stages.
+void GalerkinDerivative::check_continuous() const {
+  if (scene_.free_rows.empty() && has_one_solution(selection_class(scene_.M, scene_.lcp_class))) return;
+  std::set<std::pair<std::vector<Index>, std::vector<Index>>> seen;
+  for (Index k = 0; k < p_.N; ++k) {
+    std::vector<Index> always, switching;
+    for (Index i = 0; i < n_; ++i) {
+      int acts = 0, ends = 0;
+      for (Index other = std::max<Index>(k - 1, 0); other <= k; ++other, ends += 2)
+        acts += int(z_(other, i) > 0) + int(z_(other, n_ + i) > 0);
+      if (acts == ends || std::binary_search(scene_.free_rows.begin(), scene_.free_rows.end(), i))
+        always.push_back(i);
+      else if (acts > 0)
+        switching.push_back(i);
+    }
+    if (!seen.insert({always, switching}).second) continue;
+    Matrix rest = M_(switching, switching);
+    if (!always.empty()) {
+      const Eigen::PartialPivLU<Matrix> lu(Matrix(M_(always, always)));
+      if (!(lu.rcond() > least_condition))
+        refuse_galerkin(
+            text("not differentiable here: M is singular on the constraints that act at t = %.6g, and y may "
+                 "jump",
+                 p_.t[k]),
+            "differentiate scenes with a continuous y");
+      rest -= M_(switching, always) * lu.solve(Matrix(M_(always, switching)));
+    }
+    if (!switching.empty() && !has_one_solution(selection_class(rest, LcpClass::automatic)))
+      refuse_galerkin(
+          text("not differentiable here: M is no P-matrix on the constraints that switch near t = %.6g, and "
+               "y may jump",
+               p_.t[k]),
+          "differentiate scenes with a continuous y");
+  }
+}
+
 // How far the moments of y and w are from y_i = w_i = 0.
-void GalerkinDerivative::judge(const Scene& scene) {
+void GalerkinDerivative::judge() {
   const RowMatrix y = by_ends(z_), w = by_ends(galerkin_slack(p_, z_, x_));
   std::vector<std::vector<Index>> active(std::size_t(y.rows()));
   for (Index j = 0; j < y.rows(); ++j)
     for (Index i = 0; i < n_; ++i)
-      if (y(j, i) > 0 || std::binary_search(scene.free_rows.begin(), scene.free_rows.end(), i))
+      if (y(j, i) > 0 || std::binary_search(scene_.free_rows.begin(), scene_.free_rows.end(), i))
         active[std::size_t(j)].push_back(i);
   Vector t(y.rows());
   for (Index j = 0; j < y.rows(); ++j) t[j] = p_.t[(j + 1) / 2];
   const Vector most_x = x_.cwiseAbs().colwise().maxCoeff();
-  const SetRounding zero = rounding_of_sets(d_.N.cwiseAbs() * most_x, scene.M, y, by_ends(p_.q));
+  const SetRounding zero = rounding_of_sets(d_.N.cwiseAbs() * most_x, scene_.M, y, by_ends(p_.q));
   margin_ = margin_of_sets(y, w, zero, t, [&](Index j) -> const std::vector<Index>& { return active[std::size_t(j)]; });
 }
 
-// By f, g and M, N x 2n.
-RowMatrix GalerkinDerivative::changed_q(const DataChange& c) const {
-  RowMatrix q = RowMatrix::Zero(p_.N, 2 * n_);
-  for (Index k = 0; k < p_.N; ++k) {
-    const Entry& entry = entries_[std::size_t(run_of(k))];
-    auto row = q.row(k);
-    for (Index end = 0; end < 2 && c.f.size() > 0; ++end)
-      row += (entry.q_of_f[end] * c.f.row(k + end).transpose()).transpose();
-    if (c.g.size() > 0) row += moments(c.g.row(k).transpose(), c.g.row(k + 1).transpose()).transpose();
-    if (c.M.size() > 0)
-      row += moments(c.M * z_.row(k).head(n_).transpose(), c.M * z_.row(k).tail(n_).transpose()).transpose();
-  }
-  return q;
+GalerkinChange GalerkinDerivative::no_change() const {
+  return {RowMatrix::Zero(p_.N, m_), RowMatrix::Zero(p_.N, 2 * n_), Vector::Zero(m_), RowMatrix::Zero(p_.N + 1, n_)};
 }
 
 SolutionChange GalerkinDerivative::jvp(const DataChange& c) const {
-  for (const auto& [name, matrix] : {std::pair("A", &c.A), {"B", &c.B}, {"N", &c.N}, {"E", &c.E}})
-    if (matrix->size() > 0) throw Error(name, "is no datum of this derivative", "ask for b, f, g and M");
   p_.initial_value ? check_no_b(c.b) : check_no_x0(c.x0);
   check_table("x0", c.x0, m_, 1);
   check_table("b", c.b, m_, 1);
   check_table("f", c.f, p_.N + 1, m_);
   check_table("g", c.g, p_.N + 1, n_);
   check_table("M", c.M, n_, n_);
-  const RowMatrix q = changed_q(c);
+  check_table("A", c.A, m_, m_);
+  check_table("B", c.B, m_, n_);
+  check_table("N", c.N, n_, m_);
+  check_table("E", c.E, m_, m_);
+  check_table("E0", c.E0, m_, m_);
+  check_table("ET", c.ET, m_, m_);
+  if (p_.initial_value && (c.E0.size() > 0 || c.ET.size() > 0))
+    throw Error("E0", "is no datum of a scene with an initial value", "change x0");
+  if (c.E.size() > 0 && inverse_E_.size() == 0) refuse_galerkin("the scene has no E", "change A and B instead");
+  if (p_.divided > 0 && (c.A.size() > 0 || c.B.size() > 0 || c.N.size() > 0 || c.E.size() > 0))
+    refuse_galerkin(divided_sources, other_nodes);
+  Matrix dA = c.A, dB = c.B, dF;
+  RowMatrix df = c.f;
+  if (inverse_E_.size() > 0) {
+    for (Matrix* change : {&dA, &dB})
+      if (change->size() > 0) *change = inverse_E_ * *change;
+    if (df.size() > 0) df = df * inverse_E_.transpose();
+    if (c.E.size() > 0) {
+      const Matrix of_rate = inverse_E_ * c.E;
+      dA = dA.size() > 0 ? Matrix(dA - of_rate * d_.A) : Matrix(-of_rate * d_.A);
+      dB = dB.size() > 0 ? Matrix(dB - of_rate * d_.B) : Matrix(-of_rate * d_.B);
+      if (scene_.f) dF = -of_rate * source_matrix(scene_, d_);
+    }
+  }
+  GalerkinChange change = no_change();
+  add_matrix_changes(state(), dA, dB, c.N, dF, change);
+  add_source_changes(state(), entries_, df, c.g, c.M, change);
+  if (const Vector& given = p_.initial_value ? c.x0 : c.b; given.size() > 0) change.b = given;
+  if (c.E0.size() > 0) change.b -= c.E0 * x_.row(0).transpose();
+  if (c.ET.size() > 0) change.b -= c.ET * x_.row(p_.N).transpose();
+  return jvp(change);
+}
+
+SolutionChange GalerkinDerivative::jvp(const GalerkinChange& c) const {
   RowMatrix input(p_.N, m_);
   std::vector<const Matrix*> P;
   Vector z(2 * n_);
   for (Index k = 0; k < p_.N; ++k) {
-    const std::size_t at = std::size_t(k);
-    P.push_back(&P_.at(sets_[at]));
-    responses_.solve(sets_[at], q.row(k).transpose(), z);
-    input.row(k) = (step(k).H * z).transpose();
-    for (Index end = 0; end < 2 && c.f.size() > 0; ++end)
-      input.row(k) += (entries_[std::size_t(run_of(k))].F[end] * c.f.row(k + end).transpose()).transpose();
+    P.push_back(&P_.at(sets_[std::size_t(k)]));
+    responses_.solve(sets_[std::size_t(k)], c.q.row(k).transpose(), z);
+    input.row(k) = c.F.row(k) + (step(k).H * z).transpose();
   }
   BoundaryCondition ends = p_.boundary;
-  const Vector& given = p_.initial_value ? c.x0 : c.b;
-  ends.b = given.size() > 0 ? given : Vector::Zero(m_);
+  ends.b = c.b;
   SolutionChange out{RowMatrix(p_.N + 1, n_), solve_two_point(P, input, ends, epsilon), RowMatrix(),
                      RowMatrix::Zero(p_.N + 1, n_)};
   if (out.x.rows() == 0)
     refuse_galerkin("not differentiable here: the boundary condition does not determine the change of the states",
                     "change the data slightly");
   for (Index k = 0; k < p_.N; ++k) {
-    responses_.solve(sets_[std::size_t(k)], step(k).C * out.x.row(k).transpose() + q.row(k).transpose(), z);
+    responses_.solve(sets_[std::size_t(k)], step(k).C * out.x.row(k).transpose() + c.q.row(k).transpose(), z);
     if (k == 0) out.y.row(0) = z.head(n_).transpose();
     out.y.row(k + 1) = z.tail(n_).transpose();
     out.integral.row(k + 1) = out.integral.row(k) + (length(k) / 2) * (z.head(n_) + z.tail(n_)).transpose();
   }
-  out.w = out.x * d_.N.transpose() + out.y * M_.transpose();
-  if (c.g.size() > 0) out.w += c.g;
-  if (c.M.size() > 0) out.w += right_ends_of(z_) * c.M.transpose();
+  out.w = out.x * d_.N.transpose() + out.y * M_.transpose() + c.direct;
   return out;
+}
+
+// What the discrete problem leaves of the solution of this one, by the difference formula.
+GalerkinChange GalerkinDerivative::change(const std::array<const Scene*, 4>& scenes, double distance) const {
+  constexpr double weights[] = {1, -8, 8, -1};
+  GalerkinChange sum = no_change();
+  for (std::size_t i = 0; i < 4; ++i) {
+    Matrix unused;
+    const Scene scene = without_mass_matrix(*scenes[i], unused);
+    const GalerkinProblem p = galerkin_problem(scene, grid_parts(p_.t));
+    const double c = weights[i] / (12 * distance);
+    sum.F += c * p.forcing;
+    for (const GalerkinRun& run : p.runs) {
+      const auto x = x_.middleRows(run.first, run.count), z = z_.middleRows(run.first, run.count);
+      sum.F.middleRows(run.first, run.count) += c * (x * run.step.E.transpose() + z * run.step.H.transpose());
+    }
+    sum.q += c * galerkin_slack(p, z_, x_);
+    sum.b += c * (p.boundary.b - p.boundary.E0 * x_.row(0).transpose() - p.boundary.ET * x_.row(p_.N).transpose());
+    sum.direct += c * (x_ * scene.dynamics->small_state()->N.transpose() + y_ * to_dense(scene.M).transpose());
+    if (scene.g) sum.direct += c * sample(scene.g, p_.t, n_).table();
+  }
+  return sum;
 }
 
 // λ_1 to λ_N in the rows, and ν.
@@ -220,19 +304,17 @@ RowMatrix GalerkinDerivative::multipliers(const RowMatrix& of_x, Vector& of_b) c
   return reversed.topRows(p_.N).colwise().reverse();
 }
 
-DataChange GalerkinDerivative::vjp(const SolutionChange& of) const {
+GalerkinChange GalerkinDerivative::adjoint(const SolutionChange& of) const {
   check_table("y", of.y, p_.N + 1, n_);
   check_table("x", of.x, p_.N + 1, m_);
   check_table("w", of.w, p_.N + 1, n_);
   check_table("integral", of.integral, p_.N + 1, n_);
-  DataChange bar;
-  bar.f = RowMatrix::Zero(p_.N + 1, m_);
-  bar.g = of.w.size() > 0 ? of.w : RowMatrix::Zero(p_.N + 1, n_);
-  bar.M = bar.g.transpose() * right_ends_of(z_);
+  GalerkinChange bar = no_change();
+  if (of.w.size() > 0) bar.direct = of.w;
   RowMatrix of_y = of.y.size() > 0 ? of.y : RowMatrix::Zero(p_.N + 1, n_);
   RowMatrix of_x = of.x.size() > 0 ? of.x : RowMatrix::Zero(p_.N + 1, m_);
-  of_y += bar.g * M_;
-  of_x += bar.g * d_.N;
+  of_y += bar.direct * M_;
+  of_x += bar.direct * d_.N;
   RowMatrix of_z = RowMatrix::Zero(p_.N, 2 * n_);
   of_z.row(0).head(n_) = of_y.row(0);
   of_z.rightCols(n_) += of_y.bottomRows(p_.N);
@@ -246,31 +328,36 @@ DataChange GalerkinDerivative::vjp(const SolutionChange& of) const {
     responses_.solve_transposed(sets_[std::size_t(k)], of_z.row(k).transpose(), mu);
     of_x.row(k) -= (step(k).C.transpose() * mu).transpose();
   }
-  Vector of_b;
-  const RowMatrix lambda = multipliers(of_x, of_b);
-  RowMatrix of_q(p_.N, 2 * n_);
+  bar.F = multipliers(of_x, bar.b);
   for (Index k = 0; k < p_.N; ++k) {
-    const Vector eta = of_z.row(k).transpose() + step(k).H.transpose() * lambda.row(k).transpose();
+    const Vector eta = of_z.row(k).transpose() + step(k).H.transpose() * bar.F.row(k).transpose();
     responses_.solve_transposed(sets_[std::size_t(k)], eta, mu);
-    of_q.row(k) = -mu.transpose();
+    bar.q.row(k) = -mu.transpose();
   }
-  add_sources(lambda, of_q, bar);
-  (p_.initial_value ? bar.x0 : bar.b) = of_b;
   return bar;
 }
 
-// The gradient with respect to f, g and M from those with respect to F and q.
-void GalerkinDerivative::add_sources(const RowMatrix& of_F, const RowMatrix& of_q, DataChange& bar) const {
-  for (Index k = 0; k < p_.N; ++k) {
-    const Entry& entry = entries_[std::size_t(run_of(k))];
-    const Vector lambda = of_F.row(k).transpose(), q = of_q.row(k).transpose();
-    for (Index end = 0; end < 2; ++end)
-      bar.f.row(k + end) += (entry.F[end].transpose() * lambda + entry.q_of_f[end].transpose() * q).transpose();
-    const Vector of_ends = moments(q.head(n_), q.tail(n_));
-    bar.g.row(k) += of_ends.head(n_).transpose();
-    bar.g.row(k + 1) += of_ends.tail(n_).transpose();
-    bar.M += of_ends.head(n_) * z_.row(k).head(n_) + of_ends.tail(n_) * z_.row(k).tail(n_);
+DataChange GalerkinDerivative::vjp(const SolutionChange& of) const {
+  const GalerkinChange of_problem = adjoint(of);
+  SourceGradients of_sources = source_gradients(state(), entries_, of_problem);
+  DataChange bar;
+  bar.f = std::move(of_sources.f), bar.g = std::move(of_sources.g), bar.M = std::move(of_sources.M);
+  (p_.initial_value ? bar.x0 : bar.b) = of_problem.b;
+  if (!p_.initial_value) {
+    bar.E0 = -of_problem.b * x_.row(0);
+    bar.ET = -of_problem.b * x_.row(p_.N);
   }
+  const Matrix back = inverse_E_.transpose();
+  if (back.size() > 0) bar.f = bar.f * inverse_E_;
+  if (p_.divided > 0) return bar;
+  MatrixGradients of_matrices = matrix_gradients(state(), of_problem);
+  bar.A = std::move(of_matrices.A), bar.B = std::move(of_matrices.B), bar.N = std::move(of_matrices.N);
+  if (back.size() == 0) return bar;
+  bar.E = -back * (bar.A * d_.A.transpose() + bar.B * d_.B.transpose());
+  if (scene_.f) bar.E -= back * of_matrices.F * source_matrix(scene_, d_).transpose();
+  bar.A = back * bar.A;
+  bar.B = back * bar.B;
+  return bar;
 }
 
 }  // namespace bromwich

@@ -34,8 +34,14 @@ struct DataChange {
   Vector x0;       ///< m
   RowMatrix f, g;  ///< (J+1) x m and (J+1) x n: at the time points, linear between them
   Matrix A, B, N, M;
-  Matrix E = {};  ///< where the scene has a mass matrix
-  Vector b = {};  ///< m, where the scene has a boundary condition
+  Matrix E = {};            ///< where the scene has a mass matrix
+  Vector b = {};            ///< m, where the scene has a boundary condition
+  Matrix E0 = {}, ET = {};  ///< m x m, likewise
+};
+
+/// A time at which f or g jumps, and how it changes.
+struct MovingJump {
+  double t = 0, change = 0;
 };
 
 /// y, x and w at the time points, or a linear function of them: (J+1) x n, m, n. Empty: no part in the function.

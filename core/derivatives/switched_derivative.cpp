@@ -72,7 +72,7 @@ void scale_by(Table& table, const std::vector<int>* rows, const std::vector<int>
 SwitchedDerivative::~SwitchedDerivative() = default;
 SwitchedDerivative::SwitchedDerivative(SwitchedDerivative&&) noexcept = default;
 
-SwitchedDerivative::SwitchedDerivative(const Scene& given, const Vector& times) : t_(times) {
+SwitchedDerivative::SwitchedDerivative(const Scene& given, const Vector& times, bool along_some) : t_(times) {
   given.validate();
   if (const DenseDynamics* d = given.dynamics->small_state(); !d || given.boundary || !given.free_rows.empty())
     not_defined("the scene has no small dense form, or a boundary condition, or free rows",
@@ -89,11 +89,12 @@ SwitchedDerivative::SwitchedDerivative(const Scene& given, const Vector& times) 
   units_ = natural_units(plain);
   const Scene scene = in_natural_units(plain, units_);
   const EventSolution s = located(scene);
-  tape_ = std::make_unique<const SwitchedTape>(scene, s, t_);
+  tape_ = std::make_unique<const SwitchedTape>(scene, s, t_, along_some);
   margin_ = tape_->margin();
   switch_times_ = tape_->switch_times();
   one_sided_ = tape_->one_sided();
   without_M_ = tape_->without_M();
+  only_along_ = tape_->only_along();
   const Index m = given.states(), n = given.constraints();
   values_ = {RowMatrix(rows, n), RowMatrix(rows, m), RowMatrix(rows, n), RowMatrix(rows, n)};
   for (Index j = 0; j < rows; ++j) {
@@ -131,7 +132,9 @@ void SwitchedDerivative::scale(DataChange& c) const {
   scale_by(c.M, &units_.w, &units_.y, -1);
 }
 
-SolutionChange SwitchedDerivative::jvp(const DataChange& given) const {
+SolutionChange SwitchedDerivative::jvp(const DataChange& given) const { return jvp(given, {}); }
+
+SolutionChange SwitchedDerivative::jvp(const DataChange& given, const std::vector<MovingJump>& jumps) const {
   const Index rows = t_.size(), m = values_.x.cols(), n = values_.y.cols();
   check_no_b(given.b);
   check_table("x0", RowMatrix(given.x0), m, 1);
@@ -150,7 +153,7 @@ SolutionChange SwitchedDerivative::jvp(const DataChange& given) const {
     if (c.f.size() > 0) c.f = c.f * inverse_E_.transpose();
   }
   scale(c);
-  SolutionChange out = tape_->jvp(c);
+  SolutionChange out = tape_->jvp(c, jumps);
   scale(out);
   return out;
 }
@@ -161,6 +164,7 @@ DataChange SwitchedDerivative::vjp(const SolutionChange& given) const {
   check_table("x", given.x, rows, m);
   check_table("w", given.w, rows, n);
   check_table("integral", given.integral, rows, n);
+  if (!only_along_.empty()) not_defined("not differentiable here: " + only_along_, "ask for jvp along other changes");
   for (const Index j : one_sided_)
     for (const RowMatrix* table : {&given.y, &given.x, &given.w})
       if (table->size() > 0 && (table->row(j).array() != 0).any())

@@ -33,8 +33,10 @@ class SwitchedTape;  // core/derivatives/switched_tape.hpp
 class SwitchedDerivative {
  public:
   /// `times`: increasing, from 0 to T, those of all tables. Throws Error where the scene is not dense and small, where
-  /// the integration with located switches ends early, and where the solution is not differentiable.
-  SwitchedDerivative(const Scene&, const Vector& times);
+  /// the integration with located switches ends early, and where the solution is not differentiable. `along_some`:
+  /// where constraints with y_i = w_i = 0 at a switch, or at t = 0, leave a derivative along changes that keep them so,
+  /// that is one; other changes, and vjp, throw Error.
+  SwitchedDerivative(const Scene&, const Vector& times, bool along_some = false);
   ~SwitchedDerivative();
   SwitchedDerivative(SwitchedDerivative&&) noexcept;
 
@@ -49,8 +51,14 @@ class SwitchedDerivative {
   /// Empty, or why there is no derivative with respect to M: y jumps at a switch, or M_SS is singular.
   const std::string& without_M() const { return without_M_; }
 
+  /// Empty, or why only some changes have a derivative.
+  const std::string& only_along() const { return only_along_; }
+
   /// Throws Error for a change of M where there is no derivative with respect to it.
   SolutionChange jvp(const DataChange&) const;
+  /// The same where times at which f or g jump change, too. Throws Error for times that are no breakpoints of the
+  /// scene.
+  SolutionChange jvp(const DataChange&, const std::vector<MovingJump>&) const;
   /// M is empty where there is no derivative with respect to it. Throws Error for weights on one-sided rows.
   DataChange vjp(const SolutionChange&) const;
 
@@ -63,7 +71,7 @@ class SwitchedDerivative {
   DerivativeMargin margin_;
   std::vector<double> switch_times_;
   std::vector<Index> one_sided_;
-  std::string without_M_;
+  std::string without_M_, only_along_;
   NaturalUnits units_;
   Matrix inverse_E_;                          ///< empty: E = I
   std::unique_ptr<const SwitchedTape> tape_;  ///< in natural units

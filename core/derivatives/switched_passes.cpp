@@ -3,6 +3,7 @@
 #include "core/base/error.hpp"
 #include "core/derivatives/switched_tape.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 namespace bromwich {
@@ -159,12 +160,17 @@ void SwitchedTape::project_back(const Part& part, Sources& of, State& bar) const
 }
 
 void SwitchedTape::pass(const Switch& s, const Part* before, const Sources& of_before, const Part& after,
-                        const Sources& of_after, const DataChange& c, State& z) const {
-  double dt = 0;
+                        const Sources& of_after, const DataChange& c, State& z, double moved) const {
+  double dt = moved;
+  Vector terms_of_x = z.x.cwiseAbs();
   if (s.moves) {
     JetValues u = values_of(of_before, piece_of(*before), before->from + before->width);
     u.x = z.x;
     dt = -evaluate(s.row, u)[0] / s.rate;
+  }
+  if (before) {
+    terms_of_x += std::abs(dt) * (s.rate_before.cwiseAbs() + s.rate_after.cwiseAbs());
+    check_conditions(s, true, piece_of(*before), before->from + before->width, of_before, z.x, terms_of_x, dt);
     z.x += dt * s.rate_before;
     z.integral += dt * s.y_before;
   }
@@ -173,14 +179,33 @@ void SwitchedTape::pass(const Switch& s, const Part* before, const Sources& of_b
     if (c.E.size() > 0) z.x += c.E * p.move;
     const SwitchedMode& mode = p.mode->rows;
     JetValues u = values_of(of_after, piece_of(after), after.from);
-    u.x = s.moves ? Vector(z.x - dt * p.rate) : z.x;
+    u.x = z.x - dt * p.rate;
     const Vector q = mode.impulse * evaluate(mode.constraints, u);
     z.x += system_.B * q;
     z.integral += q;
+    terms_of_x += (system_.B * q).cwiseAbs();
   }
-  if (!s.moves) return;
-  z.x -= dt * s.rate_after;
-  z.integral -= dt * s.y_after;
+  if (before) {
+    z.x -= dt * s.rate_after;
+    z.integral -= dt * s.y_after;
+  }
+  check_conditions(s, false, piece_of(after), after.from, of_after, z.x, terms_of_x, dt);
+}
+
+// The changes of the times at which parts begin.
+std::vector<double> SwitchedTape::moved_parts(const std::vector<MovingJump>& jumps) const {
+  std::vector<double> moved(parts_.size(), 0);
+  for (const MovingJump& jump : jumps) {
+    const auto begins = [&](const Part& p) {
+      const Piece& piece = piece_of(p);
+      return std::abs(piece.begin + p.from * piece.length - jump.t) <= 1e-9 * T_ && p.from == 0;
+    };
+    const auto found = std::find_if(parts_.begin(), parts_.end(), begins);
+    if (found == parts_.end() || found == parts_.begin())
+      throw Error("derivative", "no piece of the solution begins where a source jumps", "state the breakpoint");
+    moved[std::size_t(found - parts_.begin())] += jump.change;
+  }
+  return moved;
 }
 
 void SwitchedTape::pass_back(const Switch& s, const Part* before, Sources& of_before, const Part& after,
@@ -228,8 +253,9 @@ void SwitchedTape::read(Index row, const Part& part, double at, const SolutionCh
   add_values(u, piece_of(part), at, of);
 }
 
-SolutionChange SwitchedTape::jvp(const DataChange& c) const {
+SolutionChange SwitchedTape::jvp(const DataChange& c, const std::vector<MovingJump>& jumps) const {
   check_structure(c);
+  const std::vector<double> moved = moved_parts(jumps);
   const Index rows = t_.size();
   SolutionChange out{RowMatrix::Zero(rows, n_), RowMatrix::Zero(rows, m_), RowMatrix::Zero(rows, n_),
                      RowMatrix::Zero(rows, n_)};
@@ -238,7 +264,15 @@ SolutionChange SwitchedTape::jvp(const DataChange& c) const {
   Sources last = no_sources();
   for (const Part& part : parts_) {
     const Sources s = changed(part, c);
-    if (part.change >= 0) pass(switches_[std::size_t(part.change)], before, last, part, s, c, z);
+    const double by = moved[std::size_t(&part - parts_.data())];
+    if (part.change >= 0) {
+      pass(switches_[std::size_t(part.change)], before, last, part, s, c, z, by);
+    } else if (by != 0) {  // the same set on both sides
+      const Piece &left = piece_of(*before), &right = piece_of(part);
+      const Vector end = legendre(before->from + before->width), begin = legendre(part.from);
+      z.x += by * (left.rate.transpose() * end - right.rate.transpose() * begin);
+      z.integral += by * (left.y.transpose() * end - right.y.transpose() * begin);
+    }
     project(part, s, z);
     if (part.row >= 0) write(part.row, part, part.from, z, s, out);
     advance(part, s, z);

@@ -1,69 +1,25 @@
 #include "core/derivatives/switched_tape.hpp"
 
-#include "core/base/error.hpp"
 #include "core/base/text.hpp"
-
-#include <Eigen/QR>
 
 #include <algorithm>
 #include <cmath>
 
 namespace bromwich {
 
+using namespace switched;
+
 namespace {
 
 constexpr double same_time = 1e-12;         ///< of T
-constexpr double at_switch = 1e-9;          ///< of T: switches and times that are nearer count as equal
-constexpr double vanishing = 1e-7;          ///< of the size of a component
 constexpr double degenerate_margin = 1e-6;  ///< of the size of a component: smaller margins are refused
 constexpr double grazing = 1e-6;            ///< T |c'| of the size of c, likewise
-constexpr double agreed = 1e-5;             ///< of its terms, what has to vanish at a switch to first order
 constexpr double share_of_terms = 1e-2;     ///< the size of a component is at least this share of its terms
-
-[[noreturn]] void not_differentiable(const std::string& found, const std::string& remedy) {
-  throw Error("derivative", "not differentiable here: " + found, remedy);
-}
-
-const char* const other_data = "change the data slightly";
-
-Jet operator+(const Jet& a, const Jet& b) {
-  return {a.x + b.x, a.f + b.f, a.df + b.df, a.g + b.g, a.dg + b.dg, a.ddg + b.ddg};
-}
-
-Jet absolute_of(const Jet& c) {
-  return {c.x.cwiseAbs(), c.f.cwiseAbs(), c.df.cwiseAbs(), c.g.cwiseAbs(), c.dg.cwiseAbs(), c.ddg.cwiseAbs()};
-}
-
-// c with the state replaced by D.
-Jet compose(const Jet& c, const Jet& D) {
-  return {c.x * D.x, c.x * D.f + c.f, c.x * D.df + c.df, c.x * D.g + c.g, c.x * D.dg + c.dg, c.x * D.ddg + c.ddg};
-}
-
-bool small_against(const Matrix& value, const Matrix& terms) {
-  if (value.size() == 0) return true;
-  const double floor = 1e-9 * terms.maxCoeff();
-  return ((value.cwiseAbs() - agreed * (terms.array() + floor).matrix()).array() <= 0).all();
-}
 
 }  // namespace
 
-struct SwitchedTape::Bounded {
-  Jet value, terms;
-
-  static Bounded of(const Jet& c) { return {c, absolute_of(c)}; }
-  friend Bounded operator+(const Bounded& a, const Bounded& b) { return {a.value + b.value, a.terms + b.terms}; }
-  friend Bounded operator*(const Matrix& left, const Bounded& c) {
-    return {left * c.value, Matrix(left.cwiseAbs()) * c.terms};
-  }
-  Bounded after(const Bounded& D) const { return {compose(value, D.value), compose(terms, D.terms)}; }
-  bool vanishes() const {
-    return small_against(value.x, terms.x) && small_against(value.f, terms.f) && small_against(value.df, terms.df) &&
-           small_against(value.g, terms.g) && small_against(value.dg, terms.dg) && small_against(value.ddg, terms.ddg);
-  }
-};
-
-SwitchedTape::SwitchedTape(const Scene& scene, const EventSolution& s, const Vector& times)
-    : m_(scene.states()), n_(scene.constraints()), T_(scene.T), t_(times) {
+SwitchedTape::SwitchedTape(const Scene& scene, const EventSolution& s, const Vector& times, bool along_some)
+    : m_(scene.states()), n_(scene.constraints()), T_(scene.T), t_(times), along_some_(along_some) {
   const DenseDynamics& d = *scene.dynamics->small_state();
   system_ = {d.A, d.B, d.N, to_dense(scene.M)};
   add_pieces(scene, s);
@@ -84,7 +40,8 @@ const SwitchedTape::Mode* SwitchedTape::mode_of(const std::vector<Index>& active
   const auto known = modes_.find(active);
   if (known != modes_.end()) return &known->second;
   std::optional<SwitchedMode> rows = make_switched_mode(system_, active);
-  if (!rows) not_differentiable("an active set does not determine y", "remove constraints that repeat each other");
+  if (!rows)
+    not_differentiable_at_switch("an active set does not determine y", "remove constraints that repeat each other");
   Matrix A = Matrix::Zero(m_ + n_, m_ + n_);
   A.topLeftCorner(m_, m_) = rows->A;
   A.bottomLeftCorner(n_, m_) = rows->y.x;
@@ -101,7 +58,8 @@ void SwitchedTape::add_pieces(const Scene& scene, const EventSolution& s) {
   const EventSources sources(scene);
   for (const EventPiece& p : s.pieces) {
     if (p.passed)
-      not_differentiable(text("switches accumulate, or a kink is not known exactly, at t = %.6g", p.begin), other_data);
+      not_differentiable_at_switch(text("switches accumulate, or a kink is not known exactly, at t = %.6g", p.begin),
+                                   other_switch_data);
     const EventSources::Polynomials given = sources.sample(p.begin, p.length);
     const Matrix rate = p.x * system_.A.transpose() + p.y * system_.B.transpose() + given.f;
     pieces_.push_back({mode_of(p.active),
@@ -182,7 +140,7 @@ double SwitchedTape::size_of(const Piece& p, Index i) const {
 }
 
 bool SwitchedTape::vanishes(const Piece& p, double at, Index i) const {
-  return std::abs(legendre(at).dot(polynomial(p, i))) <= vanishing * size_of(p, i);
+  return std::abs(legendre(at).dot(polynomial(p, i))) <= vanishing_component * size_of(p, i);
 }
 
 void SwitchedTape::add_parts(const EventSolution& s, const std::vector<double>& breakpoints) {
@@ -199,7 +157,7 @@ void SwitchedTape::add_parts(const EventSolution& s, const std::vector<double>& 
   }
   for (Index j = 0; j < t_.size(); ++j)
     for (const Switch& w : switches_)
-      if (w.moves && std::abs(w.t - t_[j]) <= at_switch * T_ && (one_sided_.empty() || one_sided_.back() != j))
+      if (w.moves && std::abs(w.t - t_[j]) <= near_switch * T_ && (one_sided_.empty() || one_sided_.back() != j))
         one_sided_.push_back(j);
 }
 
@@ -239,11 +197,13 @@ void SwitchedTape::add_switch(const EventSolution& solution, std::size_t k, cons
       const double most = size_of(from, s.component);
       const double transversality = T_ * std::abs(s.rate) / most;
       if (!(std::abs(end.dot(c)) <= 1e-4 * most) || !(transversality > grazing))
-        not_differentiable(text("a constraint is only touched at t = %.6g (a grazing switch)", s.t), other_data);
+        not_differentiable_at_switch(text("a constraint is only touched at t = %.6g (a grazing switch)", s.t),
+                                     other_switch_data);
       if (transversality < margin_.transversality) margin_.transversality = transversality, margin_.grazing_time = s.t;
       for (const double t : breakpoints)
-        if (std::abs(t - s.t) <= at_switch * T_)
-          not_differentiable(text("a switch coincides with a breakpoint of the sources at t = %.6g", s.t), other_data);
+        if (std::abs(t - s.t) <= near_switch * T_)
+          not_differentiable_at_switch(text("a switch coincides with a breakpoint of the sources at t = %.6g", s.t),
+                                       other_switch_data);
     }
   } else {
     x = to.x.transpose() * legendre(0);
@@ -260,74 +220,6 @@ void SwitchedTape::add_switch(const EventSolution& solution, std::size_t k, cons
     s.impulses.push_back({mode, p.p, move, rate_of(*mode, u)});
   }
   switches_.push_back(std::move(s));
-}
-
-// The change of the state after the switch, as rows of that before; dt is one row.
-SwitchedTape::Bounded SwitchedTape::saltation(const Switch& s, const Piece* before, Bounded& dt) const {
-  Jet identity = Jet::zero(m_, m_, n_);
-  identity.x.setIdentity();
-  Bounded D = Bounded::of(identity);
-  dt = Bounded::of(Jet::zero(1, m_, n_));
-  if (before && before->mode->rows.constraints.x.rows() > 0) {
-    const SwitchedMode& mode = before->mode->rows;
-    const Matrix back = Eigen::CompleteOrthogonalDecomposition<Matrix>(mode.constraints.x).pseudoInverse();
-    D = D + Matrix(-back) * Bounded::of(mode.constraints);  // all changes that keep the constraints
-  }
-  if (s.moves) {
-    dt = Matrix{{-1 / s.rate}} * Bounded::of(s.row).after(D);
-    D = D + Matrix(s.rate_before) * dt;
-  }
-  for (const Impulse& p : s.impulses) {
-    const SwitchedMode& mode = p.mode->rows;
-    const Matrix move = system_.B * mode.impulse;
-    Bounded moved = D;
-    if (s.moves) moved = D + Matrix(-p.rate) * dt;
-    const Bounded impulse = mode.impulse * Bounded::of(mode.constraints).after(moved);
-    for (const Index i : mode.active) {
-      if (std::abs(p.p[i]) > vanishing * p.p.cwiseAbs().maxCoeff()) continue;
-      const Matrix row = Matrix::Identity(n_, n_).row(i);
-      if (!(row * impulse).vanishes())
-        not_differentiable(text("the impulse of constraint %ld vanishes at t = %.6g", long(i), s.t), other_data);
-    }
-    D = D + system_.B * impulse;
-  }
-  if (s.moves) D = D + Matrix(-s.rate_after) * dt;
-  return D;
-}
-
-// Whether the set after the switch stays the one after it: what vanishes there has to vanish with it.
-void SwitchedTape::check(const Switch& s, const Piece* before, const Piece& after) const {
-  const auto together = [&](Index i) {
-    not_differentiable(text("y_%ld = w_%ld = 0 at t = %.6g, where another constraint switches or the data change",
-                            long(i), long(i), s.t),
-                       other_data);
-  };
-  Bounded dt;
-  const Bounded D = saltation(s, before, dt);
-  const Matrix& derivative = Collocation::get().derivative;
-  const auto stays = [&](const Piece& p, double at, Index i, const Bounded& state) {
-    const double rate = legendre(at).dot(derivative * polynomial(p, i)) / p.length;
-    Bounded c = component(*p.mode, i).after(state);
-    // A rate that is only rounding has the terms of one that is not.
-    if (s.moves) {
-      c.value = c.value + Matrix{{rate}} * dt.value;
-      c.terms = c.terms + Matrix{{std::max(std::abs(rate), size_of(p, i) / T_)}} * dt.terms;
-    }
-    return c.vanishes();
-  };
-  if (before) {
-    Switch none;
-    Bounded no_dt;
-    const Bounded state = saltation(none, before, no_dt);
-    for (Index i = 0; i < n_; ++i)
-      if (i != s.component && vanishes(*before, before->until, i) && !stays(*before, before->until, i, state))
-        together(i);
-  }
-  for (Index i = 0; i < n_; ++i)
-    if (vanishes(after, 0, i) && !stays(after, 0, i, D)) together(i);
-  const SwitchedMode& mode = after.mode->rows;
-  if (mode.constraints.x.rows() > 0 && !Bounded::of(mode.constraints).after(D).vanishes())
-    not_differentiable(text("the state meets several constraints at once at t = %.6g", s.t), other_data);
 }
 
 void SwitchedTape::measure() {
@@ -350,28 +242,51 @@ void SwitchedTape::measure() {
     run.clear();
   }
   if (margin_.margin <= degenerate_margin)
-    not_differentiable(text("y_%ld = w_%ld = 0 at t = %.6g, where derivatives are one-sided", long(margin_.constraint),
-                            long(margin_.constraint), margin_.time),
-                       other_data);
+    not_differentiable_at_switch(text("y_%ld = w_%ld = 0 at t = %.6g, where derivatives are one-sided",
+                                      long(margin_.constraint), long(margin_.constraint), margin_.time),
+                                 other_switch_data);
+}
+
+// The least value of component i between the samples beside sample k, by golden sections of each polynomial.
+double SwitchedTape::least_beside(const std::vector<Sample>& run, std::size_t k, Index i) const {
+  constexpr double golden = 0.6180339887498949;
+  constexpr int sections = 36;  // of the interval 3e-8 is left, and of the value above the least one its square
+  const Sample &first = run[k > 0 ? k - 1 : k], &last = run[std::min(k + 1, run.size() - 1)];
+  double least = run[k].c[i];
+  for (Index number = first.piece; number <= last.piece; ++number) {
+    const Piece& p = pieces_[std::size_t(number)];
+    const Vector c = polynomial(p, i) / size_of(p, i);
+    const auto value = [&](double at) { return legendre(at).dot(c); };
+    double low = std::max(0.0, (first.t - p.begin) / p.length), high = std::min(p.until, (last.t - p.begin) / p.length);
+    if (!(high > low)) continue;
+    double a = high - golden * (high - low), b = low + golden * (high - low), at_a = value(a), at_b = value(b);
+    for (int section = 0; section < sections; ++section) {
+      least = std::min({least, at_a, at_b});
+      if (at_a < at_b) {
+        high = b, b = a, at_b = at_a;
+        at_a = value(a = high - golden * (high - low));
+      } else {
+        low = a, a = b, at_a = at_b;
+        at_b = value(b = low + golden * (high - low));
+      }
+    }
+  }
+  return least;
 }
 
 // Local minima of the components between two switches. What vanishes at a switch was checked there.
 void SwitchedTape::measure_run(const std::vector<Sample>& run, bool to_end) {
+  constexpr double looked_at = 0.1;  // smaller samples are beside minima that may be the least
   const std::size_t count = run.size();
   for (Index i = 0; i < n_; ++i)
     for (std::size_t k = 0; k < count; ++k) {
-      const bool inner = k > 0 && k + 1 < count;
       const double now = run[k].c[i], before = k > 0 ? run[k - 1].c[i] : INFINITY;
       const double after = k + 1 < count ? run[k + 1].c[i] : INFINITY;
       if (now > before || now > after) continue;
-      double least = now;
-      const double bend = before - 2 * now + after;
-      // The vertex of the parabola through three samples, where they are of one polynomial.
-      if (inner && bend > 0 && run[k - 1].piece == run[k + 1].piece) least -= std::pow(after - before, 2) / (8 * bend);
-      const double near = at_switch * T_;
+      const double near = near_switch * T_;
       const bool at_end = run[k].t - run.front().t <= near || (!to_end && run.back().t - run[k].t <= near);
-      if (at_end && std::abs(least) <= vanishing) continue;
-      least = std::max(0.0, least);
+      if (at_end && std::abs(now) <= vanishing_component) continue;
+      const double least = std::max(0.0, now < looked_at ? least_beside(run, k, i) : now);
       if (least < margin_.margin) margin_.margin = least, margin_.time = run[k].t, margin_.constraint = i;
     }
 }

@@ -5,6 +5,7 @@
 #include "../events/event_driven.hpp"
 #include "part_maps.hpp"
 #include "solution_derivative.hpp"
+#include "switched_bounds.hpp"
 
 #include <map>
 #include <string>
@@ -16,18 +17,21 @@ namespace bromwich {
 class SwitchedTape {
  public:
   /// E of a change is here the matrix D of f~ = ... + D x'. The scene has E = I.
-  SwitchedTape(const Scene&, const EventSolution&, const Vector& times);
+  /// `along_some`: a solution that has derivatives along some changes alone is taken, too.
+  SwitchedTape(const Scene&, const EventSolution&, const Vector& times, bool along_some = false);
 
   const DerivativeMargin& margin() const { return margin_; }
   std::vector<double> switch_times() const;
   const std::vector<Index>& one_sided() const { return one_sided_; }
   const std::string& without_M() const { return without_M_; }
+  /// Empty, or why only some changes have a derivative: what is zero together at a switch has to stay zero with them.
+  const std::string& only_along() const { return only_along_; }
 
-  SolutionChange jvp(const DataChange&) const;
+  SolutionChange jvp(const DataChange&, const std::vector<MovingJump>& = {}) const;
   DataChange vjp(const SolutionChange&) const;
 
  private:
-  struct Bounded;  // a Jet, and the same with all terms by absolute value
+  using Bounded = BoundedJet;
   // A mode with (x, integral of y) as its state.
   struct Mode {
     SwitchedMode rows;
@@ -58,6 +62,13 @@ class SwitchedTape {
     const Mode* mode;
     Vector p, move, rate;  ///< p, B p, and x' in this mode after it
   };
+  // What vanishes beside a switch and is no part of it: y_i or w_i with its rate, or (component = -1) the constraints
+  // on the state of the mode after it. With a change it has to vanish, too.
+  struct Condition {
+    bool before;
+    Index component;
+    double rate;
+  };
   // At a time that depends on the solution, or at one that does not.
   struct Switch {
     double t = 0;
@@ -67,6 +78,7 @@ class SwitchedTape {
     double rate = 0;  ///< c'
     Vector rate_before, rate_after, y_before, y_after;
     std::vector<Impulse> impulses;
+    std::vector<Condition> conditions = {};
   };
   struct State {
     Vector x, integral;
@@ -94,9 +106,12 @@ class SwitchedTape {
   double size_of(const Piece&, Index i) const;
   bool vanishes(const Piece&, double at, Index i) const;
   Bounded saltation(const Switch&, const Piece* before, Bounded& dt) const;
-  void check(const Switch&, const Piece* before, const Piece& after) const;
+  void check(Switch&, const Piece* before, const Piece& after);
+  void check_conditions(const Switch&, bool before, const Piece&, double at, const Sources&, const Vector& x,
+                        const Vector& terms_of_x, double dt) const;
   void measure();
   void measure_run(const std::vector<Sample>&, bool to_end);
+  double least_beside(const std::vector<Sample>&, std::size_t k, Index i) const;
   void judge_M();
   void check_structure(const DataChange&) const;
 
@@ -111,8 +126,10 @@ class SwitchedTape {
   void advance_back(const Part&, Sources& of, State& bar) const;
   void project(const Part&, const Sources&, State&) const;
   void project_back(const Part&, Sources& of, State& bar) const;
+  /// `moved`: the change of the time of a switch that is at a breakpoint.
   void pass(const Switch&, const Part* before, const Sources& of_before, const Part& after, const Sources& of_after,
-            const DataChange&, State&) const;
+            const DataChange&, State&, double moved) const;
+  std::vector<double> moved_parts(const std::vector<MovingJump>&) const;
   void pass_back(const Switch&, const Part* before, Sources& of_before, const Part& after, Sources& of_after,
                  DataChange& to, State& bar) const;
   void write(Index row, const Part&, double at, const State&, const Sources&, SolutionChange&) const;
@@ -132,7 +149,8 @@ class SwitchedTape {
   std::vector<Switch> switches_;
   DerivativeMargin margin_;
   std::vector<Index> one_sided_;
-  std::string without_M_;
+  bool along_some_;
+  std::string without_M_, only_along_;
 };
 
 }  // namespace bromwich

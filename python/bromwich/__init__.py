@@ -16,7 +16,15 @@ _variant, _openmp = _load.core()
 from . import _core
 from ._arrays import Tridiagonal
 from ._array_solver import ArrayResult, ArraySolver, SharedArray
-from ._derivative import BatchDerivative, Derivative, Gradient, Margin, ParameterGradient, QuantityGradient, Tangent
+from ._derivative import (
+    BatchDerivative,
+    Derivative,
+    Gradient,
+    Margin,
+    ParameterGradient,
+    QuantityGradient,
+    Tangent,
+)
 from ._dynamics import Dynamics, Kronecker
 from ._errors import (
     DeviceError,
@@ -31,6 +39,7 @@ from ._errors import (
 from ._batch import BatchResult, solve_batch
 from ._backends import BackendInfo, backends, cuda_devices
 from ._nonlinear import NonlinearResult, solve_nonlinear
+from ._parameters import ParameterDerivative
 from ._result import Result, Status, Switch
 from ._saved_result import SavedResult, load
 from ._scene import Scene, scene, scenes
@@ -58,6 +67,7 @@ __all__ = [
     "NonlinearResult",
     "NotSolved",
     "NotSolvedWarning",
+    "ParameterDerivative",
     "ParameterGradient",
     "QuantityGradient",
     "Result",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Sequence
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -54,7 +55,18 @@ class BatchResult:
         self.in_lanes: int = answer.in_lanes
         self.backend: str = answer.backend
         self.seconds: float = answer.seconds
-        self.y, self.w, self.x = (self._rows(name) for name in ("y", "w", "x"))
+
+    @cached_property
+    def y(self) -> np.ndarray:
+        return self._rows("y")
+
+    @cached_property
+    def w(self) -> np.ndarray:
+        return self._rows("w")
+
+    @cached_property
+    def x(self) -> np.ndarray:
+        return self._rows("x")
 
     def _rows(self, name: str) -> np.ndarray:
         found = self._answer.rows(name)

@@ -28,8 +28,8 @@ class Gradient(NamedTuple):
     """Derivatives of a number with respect to the data, each of the shape of its data: x0 (m), f (J+1) x m and g (J+1) x
     n at the time points, A, B, N, M and E. M is None where y jumps at a switch or M is singular on an active set (a change
     of M acts from one side only), E is None where switches are not located. Of scenes with more than 1000 states there
-    are x0 (None for dynamics of callbacks), f (through B: (J+1) x n), g and M. Of boundary-value problems there are b
-    (m), f, g and M."""
+    are x0 (None for dynamics of callbacks), f (through B: (J+1) x n), g and M. Boundary-value problems have b (m), E0
+    and ET in place of x0."""
 
     x0: np.ndarray | None
     f: np.ndarray
@@ -40,6 +40,8 @@ class Gradient(NamedTuple):
     M: np.ndarray | None
     E: np.ndarray | None
     b: np.ndarray | None = None
+    E0: np.ndarray | None = None
+    ET: np.ndarray | None = None
 
 
 class ParameterGradient(NamedTuple):
@@ -77,8 +79,8 @@ class Derivative:
         >>> d.vjp(x=np.eye(401, 2, k=-400)).x0           # gradient of x_0(T) with respect to x0
     """
 
-    def __init__(self, result: Result, located: bool | None = None) -> None:
-        self._core, self._result = _core.Derivative(result._answer, located), result
+    def __init__(self, result: Result, located: bool | None = None, all_times: bool = False) -> None:
+        self._core, self._result = _core.Derivative(result._answer, located, all_times), result
 
     @property
     def form(self) -> str:
@@ -124,23 +126,25 @@ class Derivative:
         M: Any = None,
         E: Any = None,
         b: Any = None,
+        E0: Any = None,
+        ET: Any = None,
         states: bool = False,
     ) -> Tangent:
         """The change of the solution that a change of the data causes, to first order.
 
         Args:
-            x0: m values. f, g: (J+1) x m and (J+1) x n, at the time points. A, B, N, M, E: as those of the scene. b: m
-                values, the right-hand side of a boundary condition. None: no change.
+            x0: m values. f, g: (J+1) x m and (J+1) x n, at the time points. A, B, N, M, E: as those of the scene. b, E0,
+                ET: m values and m x m, of a boundary condition. None: no change.
             states: whether x of scenes with more than 1000 states is wanted, (J+1) x m numbers; smaller ones always have it.
 
         Raises:
             Error: another shape, or entries that are not finite; a change of M where :attr:`without_M` says that there is no
                 derivative.
         """
-        tables = {"f": f, "g": g, "A": A, "B": B, "N": N, "M": M, "E": E}
-        arrays = [None if v is None else _table(v, name) for name, v in tables.items()]
+        tables = {"f": f, "g": g, "A": A, "B": B, "N": N, "M": M, "E": E, "E0": E0, "ET": ET}
+        *arrays, E0, ET = [None if v is None else _table(v, name) for name, v in tables.items()]
         ends = [None if v is None else _values(v, name).ravel() for name, v in (("x0", x0), ("b", b))]
-        return Tangent(*self._core.jvp(ends[0], *arrays, ends[1], bool(states)))
+        return Tangent(*self._core.jvp(ends[0], *arrays, ends[1], E0, ET, bool(states)))
 
     def vjp(
         self, *, y: Any = None, x: Any = None, w: Any = None, integral: Any = None, x0: bool = True
@@ -204,10 +208,7 @@ class Derivative:
         Returns:
             ``value``, ``gradient`` (a :class:`Gradient`) and ``weights`` ((J+1) x m, dI/dx, to weigh a :class:`Tangent`).
         """
-        tables = [None if v is None else _table(v, name) for name, v in (("W", W), ("end_W", end_W))]
-        entering = source(c, "c", self._core.states, float(self._result.t[-1]), {})
-        end = None if end_c is None else _values(end_c, "end_c").ravel()
-        value, weights = self._core.quantity(tables[0], entering, tables[1], end)
+        value, weights = self._core.quantity(*_members(W, c, end_W, end_c, self._core.states, self._result))
         return QuantityGradient(value, self.vjp(x=weights), weights)
 
 
@@ -285,3 +286,11 @@ def _values(v: Any, name: str) -> np.ndarray:
 
 def _table(v: Any, name: str) -> np.ndarray:
     return np.atleast_2d(_values(v, name))
+
+
+def _members(W: Any, c: Any, end_W: Any, end_c: Any, states: int, result: Result) -> tuple:
+    """Those of a quantity, as the compiled part takes them."""
+    tables = [None if v is None else _table(v, name) for name, v in (("W", W), ("end_W", end_W))]
+    entering = source(c, "c", states, float(result.t[-1]), {})
+    end = None if end_c is None else _values(end_c, "end_c").ravel()
+    return tables[0], entering, tables[1], end

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import enum
-from collections.abc import Iterable
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Callable, Iterable, Mapping
+from typing import TYPE_CHECKING, Any, NamedTuple, overload
 
 import numpy as np
 
 from . import _core
 from ._derivative import Derivative
 from ._errors import Error
+from ._parameters import ParameterDerivative
 from ._rows import Rows
 from ._sources import restored
 
@@ -230,22 +231,51 @@ class Result(Rows):
         """
         return Result(self._answer.at(self._times(t)), self._scene)
 
-    def derivative(self, *, located: bool | None = None) -> Derivative:
-        """The derivative of y, x and w with respect to the data of the scene (``docs/derivatives.md``).
+    @overload
+    def derivative(self, *, located: bool | None = None, all_times: bool = False) -> Derivative: ...
+    @overload
+    def derivative(
+        self,
+        *,
+        located: bool | None = None,
+        parameters: str | Iterable[str] | Mapping[str, float],
+        scene_of: Callable[..., Scene] | None = None,
+    ) -> ParameterDerivative: ...
+    def derivative(
+        self,
+        *,
+        located: bool | None = None,
+        all_times: bool = False,
+        parameters: str | Iterable[str] | Mapping[str, float] | None = None,
+        scene_of: Callable[..., Scene] | None = None,
+    ) -> Derivative | ParameterDerivative:
+        """The derivative of y, x and w with respect to the data of the scene, or to its parameters
+        (``docs/derivatives.md``).
 
         Args:
             located: False: of the discrete solution, for a continuous y and the methods march, contour and multigrid.
                 True: of the solution with located switches, for dense scenes of up to 64 states and 48 constraints, also
-                where y or x jumps (relays, M = 0, impacts). None: located where y may jump.
+                where y or x jumps (relays, M = 0, impacts). None: located where y may jump, and where that of the
+                discrete solution is refused.
+            all_times: of the discrete solution over all time points, on the backend of the result and by its method, for
+                dense scenes and small Kronecker sums too: by x0, f (through B), g and M.
+            parameters: names of parameters of a scene file, of a built-in scene, or of the expressions of f and g. With
+                ``scene_of``: names and values of the arguments of that function.
+            scene_of: a function of these, by keyword, that returns a :class:`Scene`; ``result`` is that of
+                ``scene_of(**parameters)``.
 
         With more than 1000 states there are derivatives by x0, f, g and M alone: those of Kronecker sums in modes on the
         host or over all time points on the backend of the result, whichever takes less time; those of sparse dynamics
-        over all time points. Boundary-value problems have derivatives by b, f, g and M.
+        over all time points.
 
         Raises:
             Error: the solution is not differentiable here, and why.
         """
-        return Derivative(self, located)
+        if parameters is None:
+            require(scene_of is None, "scene_of", "is given without parameters; give their names and values")
+            return Derivative(self, located, all_times)
+        require(not all_times, "all_times", "is given with parameters; leave it out")
+        return ParameterDerivative(self, parameters, scene_of, located)
 
     def __repr__(self) -> str:
         return f"<bromwich.Result {', '.join(self._words())}>"

@@ -132,6 +132,19 @@ class Scene:
         scene._model, scene._parameters, scene._facts, scene._recipe = model, dict(parameters), facts, recipe
         return scene
 
+    def _with(self, name: str, value: float) -> Scene:
+        """The scene with another value of one of its parameters."""
+        if self._recipe is not None:
+            maker, arguments, named = self._recipe
+            changed = {**named, name: value}
+            return scene(*arguments, **changed) if maker == "catalogue" else getattr(type(self), maker)(*arguments, **changed)
+        parameters = {**self._parameters, name: value}
+        *sources, breakpoints = _core.state_of_sources(self._model)
+        of_text = [
+            (s[0], s[1], parameters, *s[3:]) if s is not None and s[0] == "expressions" else s for s in sources
+        ]
+        return _restored(type(self), _core.state_of_model(self._model), (*of_text, breakpoints), parameters, self._facts)
+
     def __reduce__(self) -> tuple:
         """Pickles what was given; functions, and scenes of files and of the catalogue, by name."""
         if self._recipe is not None:

@@ -5,6 +5,7 @@
 #include "calls.hpp"
 #include "core/batch/batch.hpp"
 #include "core/batch/batch_derivative.hpp"
+#include "core/batch/stopped_batch.hpp"
 #include "cpu/cpu_backend.hpp"
 #include "machine.hpp"
 #include "module.hpp"
@@ -107,7 +108,8 @@ std::shared_ptr<BatchAnswer> solve_many(const std::vector<std::shared_ptr<const 
         std::any_of(models.begin(), models.end(), [](const auto& m) { return !m->callables.empty(); }) || calls_of(f) ||
         calls_of(g);
     if (!machine->beside) machine->beside = app::backends_beside(*machine->backend, machine->device);
-    answer->result = solve_batch(batch, *machine->backend, options, calls_python ? MakeBackend() : machine->beside);
+    answer->result =
+        solve_batch_until_stopped(batch, *machine->backend, options, calls_python ? MakeBackend() : machine->beside);
     answer->batch = std::make_shared<const Batch>(std::move(batch));
     return answer;
   });
@@ -120,9 +122,10 @@ std::vector<std::string> in_words(const Words& all) {
   return words;
 }
 
-/// "y", "w" or "x": K (J+1) rows.
+/// "y", "w" or "x": K (J+1) rows. Those that a stopped call did not reach are made here.
 View rows_of(nb::handle_t<BatchAnswer> self, const std::string& name) {
-  const BatchResult& r = nb::cast<BatchAnswer&>(self).result;
+  BatchResult& r = nb::cast<BatchAnswer&>(self).result;
+  add_missing_rows(r);
   return view(name == "y" ? r.y : name == "w" ? r.w : r.x, self);
 }
 
@@ -231,8 +234,10 @@ void bind_batch(nb::module_& m) {
   nb::class_<BatchDerivative>(m, "BatchDerivative")
       .def(
           "__init__",
-          [](BatchDerivative* self, const BatchAnswer& answer, std::optional<bool> located) {
-            new (self) BatchDerivative(*answer.batch, answer.result, located);
+          [](BatchDerivative* self, BatchAnswer& answer, std::optional<bool> located) {
+            add_missing_rows(answer.result);
+            new (self)
+                BatchDerivative(interruptible([&] { return BatchDerivative(*answer.batch, answer.result, located); }));
           },
           nb::arg("answer"), nb::arg("located").none())
       .def_prop_ro("reason", &BatchDerivative::reason)

@@ -3,11 +3,7 @@
 #include "answer.hpp"
 #include "arrays.hpp"
 #include "core/base/error.hpp"
-#include "core/derivatives/galerkin_derivative.hpp"
-#include "core/derivatives/modal_derivative.hpp"
-#include "core/derivatives/quantity_derivative.hpp"
-#include "core/derivatives/space_time_derivative.hpp"
-#include "core/derivatives/switched_derivative.hpp"
+#include "core/derivatives/parameter_derivative.hpp"
 #include "module.hpp"
 #include "sources.hpp"
 
@@ -42,113 +38,101 @@ nb::object handed_over(Vector values) {
 
 nb::object or_none(const Matrix& m) { return m.size() > 0 ? handed_over(RowMatrix(m)) : nb::none(); }
 
-constexpr Index largest_written_out = 1000;  ///< states that SolutionDerivative takes
+std::unique_lock<std::mutex> locked(Machine& machine, const ResultDerivative& d) {
+  return d.on_backend() ? std::unique_lock(machine.busy) : std::unique_lock<std::mutex>();
+}
 
-/// Of the discrete solution, with located switches where y may jump. Scenes with many states have theirs over all time
-/// points on the backend of the result, or in modes on the host; boundary-value problems that of method galerkin.
+/// While a derivative is made that may use the backend.
+std::unique_lock<std::mutex> locked(const Answer& answer, bool all_times = false) {
+  const bool large = all_times || answer.model->scene.states() > ResultDerivative::largest_written_out;
+  return large ? std::unique_lock(answer.machine->busy) : std::unique_lock<std::mutex>();
+}
+
+/// With the backend of the result, which is used by one caller at a time.
 class AnyDerivative {
  public:
-  AnyDerivative(const Answer& answer, std::optional<bool> located) : model_(answer.model), machine_(answer.machine) {
-    const Scene& scene = answer.model->scene;
-    const Result& result = answer.result;
-    const bool jumps = y_may_jump(result) || result.method == Method::events;
-    if (scene.boundary && !located.value_or(false)) {
-      galerkin_.emplace(scene, result);
-    } else if (located.value_or(result.status == Status::solved && jumps)) {
-      if (result.status != Status::solved)
-        throw Error("derivative", "the result is not solved", "differentiate a result with status solved");
-      switched_.emplace(scene, result.t);
-    } else if (scene.states() <= largest_written_out) {
-      discrete_.emplace(scene, result);
-    } else {
-      const std::lock_guard lock(machine_->busy);
-      const bool in_modes = scene.dynamics->modes();
-      if (!in_modes || space_time_pays(*machine_->backend, scene, result))
-        space_time_ = std::make_unique<SpaceTimeDerivative>(scene, result, *machine_->backend);
-      else
-        modal_.emplace(scene, result);
-    }
-    if (scene.dynamics->modes() && !modal_ && !switched_ && !galerkin_) {
-      result_ = result;
-      result_->x.resize(0, 0);
-    }
-  }
+  AnyDerivative(const Answer& answer, std::optional<bool> located, bool all_times)
+      : model_(answer.model), machine_(answer.machine), derivative_(made(answer, located, all_times)) {}
 
-  /// Which of the derivatives of docs/derivatives.md it is.
-  const char* form() const {
-    if (space_time_) return "over all time points";
-    if (galerkin_) return "boundary values";
-    return switched_ ? "located switches" : modal_ ? "modes" : "discrete solution";
-  }
-
-  /// `states`: those of scenes with many states, too.
   SolutionChange jvp(const DataChange& c, bool states) const {
-    if (space_time_) {
-      const std::lock_guard lock(machine_->busy);
-      return space_time_->jvp(c, states);
-    }
-    if (galerkin_) return galerkin_->jvp(c);
-    return switched_ ? switched_->jvp(c) : modal_ ? modal_->jvp(c, states) : discrete_->jvp(c);
+    const auto lock = locked(*machine_, *derivative_);
+    return derivative_->jvp(c, states);
   }
-  /// Without `by_x0`: without x0 where that costs more than all others.
   DataChange vjp(const SolutionChange& c, bool by_x0) const {
-    if (space_time_) {
-      const std::lock_guard lock(machine_->busy);
-      return space_time_->vjp(c, by_x0);
-    }
-    if (galerkin_) return galerkin_->vjp(c);
-    return switched_ ? switched_->vjp(c) : modal_ ? modal_->vjp(c) : discrete_->vjp(c);
-  }
-  const DerivativeMargin& margin() const {
-    if (space_time_) return space_time_->margin();
-    if (galerkin_) return galerkin_->margin();
-    return switched_ ? switched_->margin() : modal_ ? modal_->margin() : discrete_->margin();
+    const auto lock = locked(*machine_, *derivative_);
+    return derivative_->vjp(c, by_x0);
   }
   /// Of `quantity`; null: that of the scene file.
   QuantityChange quantity(const QuantityOfInterest* quantity) const {
     if (!quantity) quantity = model_->quantity.get();
     if (!quantity) throw Error("quantity", "the scene states none", "give W, c, end_W or end_c");
-    if (modal_ || space_time_) throw Error("quantity", "states of large scenes are not kept", "weigh y, w or integral");
-    if (galerkin_) return quantity_change(*quantity, model_->scene, galerkin_->times(), galerkin_->states());
-    return switched_ ? quantity_change(*quantity, model_->scene, switched_->times(), switched_->values().x)
-                     : quantity_change(*quantity, model_->scene, discrete_->times(), discrete_->states());
+    return derivative_->quantity(*quantity);
   }
-  /// In modes of a Kronecker sum; made on the first call where another class has the rest.
-  const ModalDerivative& of_sum() const {
-    if (modal_) return *modal_;
-    if (!result_) throw Error("parameters", "are those of a Kronecker sum with a continuous y", "change A, B and N");
-    const std::lock_guard lock(of_sum_->made);
-    if (!of_sum_->derivative) of_sum_->derivative.emplace(model_->scene, *result_);
-    return *of_sum_->derivative;
-  }
+  const ResultDerivative& of_result() const { return *derivative_; }
+  const ModalDerivative& of_sum() const { return derivative_->of_sum(); }
   Index states() const { return model_->scene.states(); }
-  const SwitchedDerivative* switched() const { return switched_ ? &*switched_ : nullptr; }
+  const SwitchedDerivative* switched() const { return derivative_->switched(); }
+
+ private:
+  static std::unique_ptr<ResultDerivative> made(const Answer& answer, std::optional<bool> located, bool all_times) {
+    const auto lock = locked(answer, all_times);
+    return std::make_unique<ResultDerivative>(answer.model->scene, answer.result, *answer.machine->backend,
+                                              DerivativeChoice{.located = located, .all_times = all_times});
+  }
+
+  std::shared_ptr<const Model> model_;
+  std::shared_ptr<Machine> machine_;
+  std::unique_ptr<ResultDerivative> derivative_;
+};
+
+/// With respect to parameters. `scene_of` is a function of Python: (name, value) to a model.
+class ByParameters {
+ public:
+  ByParameters(const Answer& answer, const std::vector<std::string>& names, const std::vector<double>& values,
+               const nb::callable& scene_of, std::optional<bool> located)
+      : model_(answer.model), machine_(answer.machine) {
+    std::vector<VariedParameter> parameters;
+    for (std::size_t i = 0; i < names.size(); ++i)
+      parameters.push_back({names[i], values.at(i), [&scene_of, name = names[i]](double value) {
+                              const auto model = nb::cast<std::shared_ptr<Model>>(scene_of(name, value));
+                              return ParameterScene{model->scene, model->quantity};
+                            }});
+    const auto lock = locked(answer);
+    derivative_ =
+        std::make_unique<ParameterDerivative>(model_->scene, answer.result, *machine_->backend, parameters, located);
+  }
+
+  SolutionChange jvp(const Vector& by, bool states) const {
+    const auto lock = locked(*machine_, derivative_->of_data());
+    return derivative_->jvp(by, states);
+  }
+  Vector vjp(const SolutionChange& c) const {
+    const auto lock = locked(*machine_, derivative_->of_data());
+    return derivative_->vjp(c);
+  }
+  const ParameterDerivative& derivative() const { return *derivative_; }
+  Index states() const { return model_->scene.states(); }
 
  private:
   std::shared_ptr<const Model> model_;
   std::shared_ptr<Machine> machine_;
-  std::optional<SolutionDerivative> discrete_;
-  std::unique_ptr<SpaceTimeDerivative> space_time_;
-  std::optional<ModalDerivative> modal_;
-  std::optional<SwitchedDerivative> switched_;
-  std::optional<GalerkinDerivative> galerkin_;
-  struct OfSum {
-    std::mutex made;
-    std::optional<ModalDerivative> derivative;
-  };
-  std::optional<Result> result_;  ///< of a Kronecker sum, for of_sum_
-  std::unique_ptr<OfSum> of_sum_ = std::make_unique<OfSum>();
+  std::unique_ptr<ParameterDerivative> derivative_;
 };
+
+nb::tuple tables_of(SolutionChange c) {
+  return nb::make_tuple(handed_over(std::move(c.y)), handed_over(std::move(c.x)), handed_over(std::move(c.w)),
+                        handed_over(std::move(c.integral)));
+}
 
 nb::tuple forward(const AnyDerivative& d, const std::optional<Array1>& x0, const std::optional<Array2>& f,
                   const std::optional<Array2>& g, const std::optional<Array2>& A, const std::optional<Array2>& B,
                   const std::optional<Array2>& N, const std::optional<Array2>& M, const std::optional<Array2>& E,
-                  const std::optional<Array1>& b, bool states) {
+                  const std::optional<Array1>& b, const std::optional<Array2>& E0, const std::optional<Array2>& ET,
+                  bool states) {
   const auto values = [](const std::optional<Array1>& v) { return v ? Vector(as_vector(*v)) : Vector(); };
-  SolutionChange c =
-      d.jvp({values(x0), table(f), table(g), table(A), table(B), table(N), table(M), table(E), values(b)}, states);
-  return nb::make_tuple(handed_over(std::move(c.y)), handed_over(std::move(c.x)), handed_over(std::move(c.w)),
-                        handed_over(std::move(c.integral)));
+  return tables_of(d.jvp({values(x0), table(f), table(g), table(A), table(B), table(N), table(M), table(E), values(b),
+                          table(E0), table(ET)},
+                         states));
 }
 
 nb::tuple backward(const AnyDerivative& d, const std::optional<Array2>& y, const std::optional<Array2>& x,
@@ -156,14 +140,13 @@ nb::tuple backward(const AnyDerivative& d, const std::optional<Array2>& y, const
   DataChange g = d.vjp({table(y), table(x), table(w), table(integral)}, x0);
   const auto values = [](Vector& v) { return v.size() > 0 ? handed_over(std::move(v)) : nb::none(); };
   return nb::make_tuple(values(g.x0), handed_over(std::move(g.f)), handed_over(std::move(g.g)), or_none(g.A),
-                        or_none(g.B), or_none(g.N), or_none(g.M), or_none(g.E), values(g.b));
+                        or_none(g.B), or_none(g.N), or_none(g.M), or_none(g.E), values(g.b), or_none(g.E0),
+                        or_none(g.ET));
 }
 
 nb::tuple forward_by_sum(const AnyDerivative& d, double face, double across, double decay, double input, double output,
                          bool states) {
-  SolutionChange c = d.of_sum().jvp(KroneckerChange{face, across, decay, input, output}, states);
-  return nb::make_tuple(handed_over(std::move(c.y)), handed_over(std::move(c.x)), handed_over(std::move(c.w)),
-                        handed_over(std::move(c.integral)));
+  return tables_of(d.of_sum().jvp(KroneckerChange{face, across, decay, input, output}, states));
 }
 
 /// By face, across, decay, B and N.
@@ -183,35 +166,80 @@ std::vector<double> backward_by_sum(const AnyDerivative& d, const std::optional<
   return found;
 }
 
-/// (value, x weights) of the quantity of the scene file, or of one with these members.
-nb::tuple quantity(const AnyDerivative& d, const std::optional<Array2>& W, const Source* c,
-                   const std::optional<Array2>& end_W, const std::optional<Array1>& end_c) {
+/// The quantity with these members; null without any.
+std::shared_ptr<const QuantityOfInterest> quantity_of(const std::optional<Array2>& W, const Source* c,
+                                                      const std::optional<Array2>& end_W,
+                                                      const std::optional<Array1>& end_c, Index states) {
+  if (!W && !c && !end_W && !end_c) return nullptr;
   QuadraticQuantity q;
   if (W) q.W = as_matrix(*W).sparseView();
   if (end_W) q.end_W = as_matrix(*end_W).sparseView();
   if (end_c) q.end_c = as_vector(*end_c);
   if (c) q.c = c->function;
-  const bool own = W || c || end_W || end_c;
-  QuantityChange found = d.quantity(own ? quadratic_quantity(q, d.states()).get() : nullptr);
+  return quadratic_quantity(q, states);
+}
+
+/// (value, x weights) of the quantity of the scene file, or of one with these members.
+nb::tuple quantity(const AnyDerivative& d, const std::optional<Array2>& W, const Source* c,
+                   const std::optional<Array2>& end_W, const std::optional<Array1>& end_c) {
+  QuantityChange found = d.quantity(quantity_of(W, c, end_W, end_c, d.states()).get());
   return nb::make_tuple(found.value, handed_over(std::move(found.weights.x)));
 }
 
-nb::tuple margin(const AnyDerivative& d) {
+/// (value, gradient), likewise.
+nb::tuple quantity_by_parameters(const ByParameters& d, const std::optional<Array2>& W, const Source* c,
+                                 const std::optional<Array2>& end_W, const std::optional<Array1>& end_c) {
+  const auto given = quantity_of(W, c, end_W, end_c, d.states());
+  const QuantityByParameters q = given ? d.derivative().quantity(*given) : d.derivative().quantity();
+  return nb::make_tuple(q.value, std::vector<double>(q.gradient.begin(), q.gradient.end()));
+}
+
+nb::tuple margin_of(const ResultDerivative& d) {
   const DerivativeMargin& at = d.margin();
   return nb::make_tuple(at.margin, at.time, at.constraint, at.transversality, at.grazing_time);
+}
+
+nb::object times_of_switches(const ResultDerivative& d) {
+  return d.switched() ? nb::cast(d.switched()->switches()) : nb::none();
+}
+
+void bind_parameters(nb::module_& m) {
+  nb::class_<ByParameters>(m, "ParameterDerivative")
+      .def(nb::init<const Answer&, const std::vector<std::string>&, const std::vector<double>&, const nb::callable&,
+                    std::optional<bool>>(),
+           nb::arg("answer"), nb::arg("names"), nb::arg("values"), nb::arg("scene_of"), nb::arg("located").none())
+      .def_prop_ro("margin", [](const ByParameters& d) { return margin_of(d.derivative().of_data()); })
+      .def_prop_ro("form", [](const ByParameters& d) { return to_string(d.derivative().of_data().form()); })
+      .def_prop_ro("words", [](const ByParameters& d) { return d.derivative().in_words(); })
+      .def_prop_ro("switches", [](const ByParameters& d) { return times_of_switches(d.derivative().of_data()); })
+      .def_prop_ro("one_sided", [](const ByParameters& d) { return d.derivative().one_sided(); })
+      .def_prop_ro("states", &ByParameters::states)
+      .def(
+          "jvp",
+          [](const ByParameters& d, const Array1& by, bool states) { return tables_of(d.jvp(as_vector(by), states)); },
+          nb::arg("by"), nb::arg("states"))
+      .def(
+          "vjp",
+          [](const ByParameters& d, const std::optional<Array2>& y, const std::optional<Array2>& x,
+             const std::optional<Array2>& w, const std::optional<Array2>& integral) {
+            const Vector by = d.vjp({table(y), table(x), table(w), table(integral)});
+            return std::vector<double>(by.begin(), by.end());
+          },
+          nb::arg("y").none(), nb::arg("x").none(), nb::arg("w").none(), nb::arg("integral").none())
+      .def("quantity", &quantity_by_parameters, nb::arg("W").none(), nb::arg("c").none(), nb::arg("end_W").none(),
+           nb::arg("end_c").none());
 }
 
 }  // namespace
 
 void bind_derivatives(nb::module_& m) {
   nb::class_<AnyDerivative>(m, "Derivative")
-      .def(nb::init<const Answer&, std::optional<bool>>(), nb::arg("answer"), nb::arg("located").none())
-      .def_prop_ro("margin", &margin)
-      .def_prop_ro("form", &AnyDerivative::form)
+      .def(nb::init<const Answer&, std::optional<bool>, bool>(), nb::arg("answer"), nb::arg("located").none(),
+           nb::arg("all_times"))
+      .def_prop_ro("margin", [](const AnyDerivative& d) { return margin_of(d.of_result()); })
+      .def_prop_ro("form", [](const AnyDerivative& d) { return to_string(d.of_result().form()); })
       .def_prop_ro("states", &AnyDerivative::states)
-      .def_prop_ro(
-          "switches",
-          [](const AnyDerivative& d) { return d.switched() ? nb::cast(d.switched()->switches()) : nb::none(); })
+      .def_prop_ro("switches", [](const AnyDerivative& d) { return times_of_switches(d.of_result()); })
       .def_prop_ro(
           "one_sided",
           [](const AnyDerivative& d) { return d.switched() ? d.switched()->one_sided() : std::vector<Index>(); })
@@ -219,7 +247,7 @@ void bind_derivatives(nb::module_& m) {
                    [](const AnyDerivative& d) { return d.switched() ? d.switched()->without_M() : std::string(); })
       .def("jvp", &forward, nb::arg("x0").none(), nb::arg("f").none(), nb::arg("g").none(), nb::arg("A").none(),
            nb::arg("B").none(), nb::arg("N").none(), nb::arg("M").none(), nb::arg("E").none(), nb::arg("b").none(),
-           nb::arg("states"))
+           nb::arg("E0").none(), nb::arg("ET").none(), nb::arg("states"))
       .def("jvp_parameters", &forward_by_sum, nb::arg("face"), nb::arg("across"), nb::arg("decay"), nb::arg("B"),
            nb::arg("N"), nb::arg("states"))
       .def("vjp_parameters", &backward_by_sum, nb::arg("y").none(), nb::arg("x").none(), nb::arg("w").none(),
@@ -228,6 +256,7 @@ void bind_derivatives(nb::module_& m) {
            nb::arg("end_c").none())
       .def("vjp", &backward, nb::arg("y").none(), nb::arg("x").none(), nb::arg("w").none(), nb::arg("integral").none(),
            nb::arg("x0"));
+  bind_parameters(m);
 }
 
 }  // namespace bromwich::python

@@ -51,6 +51,16 @@ def test_one_scene_that_fails_spoils_nothing():
         bromwich.solve_batch(**ONE, x0=x0, check=True)
 
 
+def test_a_stopped_batch_has_rows_on_request():
+    x0 = np.linspace(-1, 1, 4000).reshape(4000, 1)
+    r = bromwich.solve_batch(**ONE, g="-sin(3*t)", x0=x0, stop=lambda: True, check=False)
+    assert r.status[-1] == "interrupted" and not r.ok.all()
+    assert r.y.shape == r.w.shape == r.x.shape == (4000, 65, 1)
+    for rows in (r.y, r.w, r.x):
+        assert np.isnan(rows[~r.ok]).all() and np.isfinite(rows[r.ok]).all()
+    assert r.derivative().reason[-1] != ""
+
+
 @pytest.mark.parametrize(
     ("bad", "message"),
     [

@@ -41,6 +41,26 @@ def test_a_gradient_is_the_transpose_of_all_tangents(circuit):
     np.testing.assert_allclose(gradient.M[0, 0], d.jvp(M=[[1]]).x[-1, 0], rtol=1e-10)
 
 
+def backends_here():
+    return ["cpu", *(["cuda"] if bromwich.cuda_devices() else [])]
+
+
+@pytest.mark.parametrize("backend", backends_here())
+def test_over_all_time_points_on_a_backend(circuit, backend):
+    r = bromwich.solve(**circuit, steps=STEPS, method="march", backend=backend)
+    d, host = r.derivative(all_times=True), r.derivative()
+    assert d.form == "over all time points" and host.form == "discrete solution"
+    changes = dict(x0=[0.3, -1], g=np.cos(np.arange(STEPS + 1)).reshape(-1, 1), M=[[0.7]])
+    for kind, found, expected in zip("yxw", d.jvp(states=True, **changes)[:3], host.jvp(**changes)[:3]):
+        np.testing.assert_allclose(found, expected, atol=1e-9 * np.abs(expected).max(), err_msg=kind)
+    weights = np.sin(np.arange(STEPS + 1)).reshape(-1, 1)
+    found, expected = d.vjp(y=weights), host.vjp(y=weights)
+    for name in ("x0", "g", "M"):
+        np.testing.assert_allclose(getattr(found, name), getattr(expected, name), atol=1e-9 * np.abs(getattr(expected, name)).max())
+    with pytest.raises(bromwich.Error, match="leave one of them out"):
+        r.derivative(all_times=True, located=True)
+
+
 def test_margin(circuit):
     margin = solve(circuit).derivative().margin
     assert 0 < margin.margin < 1
@@ -162,8 +182,13 @@ def test_boundary_values() -> None:
         difference = (getattr(up, kind) - getattr(down, kind)) / (2 * step)
         np.testing.assert_allclose(getattr(tangent, kind), difference, atol=1e-7)
     gradient = d.vjp(x=np.eye(101, 1))
-    assert gradient.x0 is None and gradient.A is None
+    assert gradient.x0 is None and gradient.E is None
     np.testing.assert_allclose(gradient.b, tangent.x[0], rtol=1e-12)
+    for name in ("A", "B", "N", "M", "E0", "ET"):
+        up, down = (bromwich.solve(**{**scene, name: scene[name] + s}, steps=100) for s in (step, -step))
+        difference = (up.x - down.x) / (2 * step)
+        np.testing.assert_allclose(d.jvp(**{name: [[1.0]]}).x, difference, atol=1e-7)
+        np.testing.assert_allclose(getattr(gradient, name), [[difference[0, 0]]], atol=1e-7)
     assert abs(d.quantity(end_c=[1]).gradient.b[0] - tangent.x[-1, 0]) < 1e-12
     with pytest.raises(bromwich.Error, match="change b"):
         d.jvp(x0=[1])

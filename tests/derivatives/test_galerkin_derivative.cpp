@@ -30,7 +30,7 @@ Result solved(const Scene& scene) {
 }
 
 // Three states, two constraints, coupled ends; M of class P and not symmetric. With `free`, a third row is an equation.
-Scene coupled_ends(bool with_free_row = false) {
+Scene coupled_ends(bool with_free_row = false, bool with_mass = false) {
   Random random(11);
   const Index m = 3, n = with_free_row ? 3 : 2;
   Scene s;
@@ -48,6 +48,11 @@ Scene coupled_ends(bool with_free_row = false) {
     for (Index i = 0; i < v.size(); ++i) v[i] = 2 * std::cos(4 * t + 0.7 * double(i)) - 0.3;
   };
   s.boundary = BoundaryCondition{Matrix::Identity(m, m), 0.5 * random.matrix(m, m), random.vector(m)};
+  if (with_mass) {
+    DenseDynamics d = *s.dynamics->small_state();
+    d.E = 2 * Matrix::Identity(m, m) + 0.4 * random.matrix(m, m);
+    s.dynamics = d;
+  }
   return s;
 }
 
@@ -57,13 +62,37 @@ DataChange drawn_with_b(const Scene& s, unsigned seed) {
   DataChange c;
   (s.boundary ? c.b : c.x0) = random.vector(m);
   c.f = random.matrix(N + 1, m), c.g = random.matrix(N + 1, n), c.M = random.matrix(n, n);
+  c.A = random.matrix(m, m), c.B = random.matrix(m, n), c.N = random.matrix(n, m);
+  if (s.lcp_class == LcpClass::PSD) c.M.bottomRows(1).setZero(), c.M.rightCols(1).setZero();  // it stays so
+  if (s.dynamics->has_mass()) c.E = random.matrix(m, m);
+  if (s.boundary) c.E0 = random.matrix(m, m), c.ET = random.matrix(m, m);
   return c;
 }
 
 Scene changed_ends(const Scene& s, const DataChange& c, double by) {
   Scene other = changed(s, c, by);
   if (c.b.size() > 0) other.boundary->b += by * c.b;
+  if (c.E0.size() > 0) other.boundary->E0 += by * c.E0;
+  if (c.ET.size() > 0) other.boundary->ET += by * c.ET;
+  DenseDynamics d = *s.dynamics->small_state();
+  if (c.A.size() > 0) d.A += by * c.A;
+  if (c.B.size() > 0) d.B += by * c.B;
+  if (c.N.size() > 0) d.N += by * c.N;
+  if (c.E.size() > 0) d.E += by * c.E;
+  other.dynamics = d;
   return other;
+}
+
+// One member at a time.
+std::vector<DataChange> members_of(const DataChange& all) {
+  std::vector<DataChange> each;
+  const auto add = [&](auto member) {
+    if ((all.*member).size() > 0) each.emplace_back().*member = all.*member;
+  };
+  add(&DataChange::b), add(&DataChange::x0), add(&DataChange::f), add(&DataChange::g), add(&DataChange::M);
+  add(&DataChange::A), add(&DataChange::B), add(&DataChange::N), add(&DataChange::E), add(&DataChange::E0);
+  add(&DataChange::ET);
+  return each;
 }
 
 void expect_differences(const Scene& s) {
@@ -71,13 +100,9 @@ void expect_differences(const Scene& s) {
   EXPECT_TRUE((at.y.array() > 0).any() && (at.y.array() == 0).any());
   const GalerkinDerivative d(s, at);
   ASSERT_GT(d.margin().margin, 1e-6);
-  const DataChange all = drawn_with_b(s, 3);
-  for (int member = 0; member < 4; ++member) {
-    DataChange c;
-    if (member == 0) c.b = all.b, c.x0 = all.x0;
-    if (member == 1) c.f = all.f;
-    if (member == 2) c.g = all.g;
-    if (member == 3) c.M = all.M;
+  const std::vector<DataChange> changes = members_of(drawn_with_b(s, 3));
+  for (std::size_t member = 0; member < changes.size(); ++member) {
+    const DataChange& c = changes[member];
     const SolutionChange out = d.jvp(c);
     // The sets stay within the step; rounding of the solves over the step is left of the difference.
     const double step = 0.05 * d.margin().margin / (1 + out.y.cwiseAbs().maxCoeff() + out.w.cwiseAbs().maxCoeff());
@@ -107,8 +132,12 @@ void expect_transposed(const Scene& s) {
                           random.matrix(N + 1, n)};
   const DataChange bar = d.vjp(of);
   const double forward = dot(of.y, out.y) + dot(of.x, out.x) + dot(of.w, out.w) + dot(of.integral, out.integral);
-  const double backward =
-      (s.boundary ? bar.b.dot(c.b) : bar.x0.dot(c.x0)) + dot(bar.f, c.f) + dot(bar.g, c.g) + dot(bar.M, c.M);
+  double backward = (s.boundary ? bar.b.dot(c.b) : bar.x0.dot(c.x0)) + dot(bar.f, c.f) + dot(bar.g, c.g);
+  for (const auto member : {&DataChange::A, &DataChange::B, &DataChange::N, &DataChange::M, &DataChange::E,
+                            &DataChange::E0, &DataChange::ET}) {
+    ASSERT_EQ((bar.*member).size(), (c.*member).size());
+    backward += (bar.*member).cwiseProduct(c.*member).sum();
+  }
   const double size = of.y.norm() * out.y.norm() + of.x.norm() * out.x.norm() + of.w.norm() * out.w.norm() +
                       of.integral.norm() * out.integral.norm();
   EXPECT_LE(std::abs(forward - backward), 1e-12 * size);
@@ -122,11 +151,36 @@ Scene with_initial_value() {
 }
 
 TEST(GalerkinDerivative, AgreesWithDifferencesOfSolves) {
-  for (const Scene& s : {coupled_ends(), coupled_ends(true), with_initial_value()}) expect_differences(s);
+  for (const Scene& s : {coupled_ends(), coupled_ends(true), coupled_ends(false, true), with_initial_value()})
+    expect_differences(s);
+}
+
+// M is positive semidefinite and no P-matrix: its second row is zero, and that constraint never acts. With a free row M
+// is not of class P, and its Schur complement is.
+Scene beside_an_idle_constraint() {
+  Scene s = coupled_ends();
+  s.M = Matrix{{2, 0}, {0, 0}};
+  s.lcp_class = LcpClass::PSD;
+  s.g = [](double t, Eigen::Ref<Vector> v) { v << 2 * std::cos(4 * t) - 0.3, 50; };
+  return s;
+}
+Scene with_a_negative_free_row() {
+  Scene s = coupled_ends(true);
+  s.M = Matrix{{3, 1, 0}, {-1, -2, 0.5}, {0.3, 0.5, 3}};
+  s.lcp_class = LcpClass::automatic;
+  return s;
+}
+
+TEST(GalerkinDerivative, TakesOtherMWhereYIsContinuous) {
+  for (const Scene& s : {beside_an_idle_constraint(), with_a_negative_free_row()}) {
+    expect_differences(s);
+    expect_transposed(s);
+  }
 }
 
 TEST(GalerkinDerivative, PassesAreTransposed) {
-  for (const Scene& s : {coupled_ends(), coupled_ends(true), with_initial_value()}) expect_transposed(s);
+  for (const Scene& s : {coupled_ends(), coupled_ends(true), coupled_ends(false, true), with_initial_value()})
+    expect_transposed(s);
   expect_transposed(make_scene("periodic-rectifier", {}));
 }
 
@@ -161,7 +215,8 @@ TEST(GalerkinDerivative, Refuses) {
     set(c);
     return refusal([&] { d.jvp(c); });
   };
-  EXPECT_NE(of_change([](DataChange& c) { c.A = Matrix::Zero(3, 3); }).find("no datum"), std::string::npos);
+  EXPECT_NE(of_change([](DataChange& c) { c.A = Matrix::Zero(2, 3); }).find("give 3 x 3"), std::string::npos);
+  EXPECT_NE(of_change([](DataChange& c) { c.E = Matrix::Zero(3, 3); }).find("has no E"), std::string::npos);
   EXPECT_NE(of_change([](DataChange& c) { c.x0 = Vector::Zero(3); }).find("change b"), std::string::npos);
   EXPECT_NE(of_change([](DataChange& c) { c.b = Vector::Zero(2); }).find("give 3 x 1"), std::string::npos);
   const auto of_result = [&](auto set) {
@@ -177,7 +232,10 @@ TEST(GalerkinDerivative, Refuses) {
               x.dynamics = DenseDynamics{Matrix::Ones(1, 1), Matrix(1, 0), Matrix(0, 1)};
             }).find("no constraints"),
             std::string::npos);
-  EXPECT_NE(of_result([](Scene& x, Result&) { x.lcp_class = LcpClass::PSD; }).find("may jump"), std::string::npos);
+  EXPECT_NE(of_result([](Scene&, Result& x) {
+              x.interval_rules.assign(std::size_t(N), IntervalRule::radau);
+            }).find("M_SS is singular on an active set, and y may jump"),
+            std::string::npos);
   EXPECT_NE(of_result([](Scene&, Result& x) { x.y_left = x.y_left.topRows(4).eval(); }).find("other rows"),
             std::string::npos);
 }

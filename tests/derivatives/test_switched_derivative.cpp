@@ -120,6 +120,37 @@ TEST(SwitchedDerivative, SaysWhereThereIsNone) {
   EXPECT_NEAR(d.vjp(of).x0[0], 1 + 1.0 / 3, 1e-12);
 }
 
+// Two equal relays cross at the same time: x' = 2 - sgn x for both. No derivative is one along all changes; along those
+// of both there is that of one relay. Two balls that meet the floor at once have none: impacts do not commute in
+// general.
+TEST(SwitchedDerivative, AlongChangesThatKeepASymmetry) {
+  Scene two = relay_scene(
+      Matrix::Zero(2, 2), Matrix::Identity(2, 2), Matrix::Identity(2, 2),
+      [](double, Eigen::Ref<Vector> v) { v.setConstant(2); }, Vector{{-1, -1}});
+  two.T = 1;
+  const Vector t = Vector::LinSpaced(11, 0, 1);
+  EXPECT_NE(refusal([&] { SwitchedDerivative(two, t); }).find("not differentiable here"), std::string::npos);
+  const SwitchedDerivative both(two, t, true);
+  EXPECT_NE(both.only_along(), "");
+  DataChange c;
+  c.x0 = Vector{{1, 1}};
+  EXPECT_LE((both.jvp(c).x.row(10) - Eigen::RowVector2d::Constant(1.0 / 3)).norm(), 1e-10);
+  c.x0 = Vector{{1, 0.9}};
+  EXPECT_NE(refusal([&] { both.jvp(c); }).find("not differentiable here"), std::string::npos);
+  SolutionChange of;
+  of.x = RowMatrix::Ones(11, 2);
+  EXPECT_NE(refusal([&] { both.vjp(of); }).find("ask for jvp along other changes"), std::string::npos);
+  Scene balls = ball(0.3, 0.1);
+  DenseDynamics d{Matrix::Zero(4, 4), Matrix::Zero(4, 2), Matrix::Zero(2, 4)};
+  d.A(0, 1) = d.A(2, 3) = d.B(1, 0) = d.B(3, 1) = d.N(0, 0) = d.N(1, 2) = 1;
+  balls.dynamics = d;
+  balls.M = Matrix(Matrix::Zero(2, 2));
+  balls.x0 = Vector{{0.3, 0.1, 0.3, 0.1}};
+  balls.f = [](double s, Eigen::Ref<Vector> v) { v << 0, -1 + 0.75 * s * s * s * s, 0, -1 + 0.75 * s * s * s * s; };
+  EXPECT_NE(refusal([&] { SwitchedDerivative(balls, 2 * t, true); }).find("not differentiable here"),
+            std::string::npos);
+}
+
 // E x' = A x + B y: the same as with E^{-1} A and E^{-1} B, and its derivative with respect to E.
 // An impulse at t = 0 puts the state on the constraint, to rounding, where nothing moves it: y = w = 0 from there on,
 // and a push either leaves it or is held.
@@ -283,6 +314,14 @@ Verdict verdict_of(std::uint32_t seed) {
            std::to_string(d->margin().transversality) + " family " + std::to_string(int(random.family)) + " switches " +
            std::to_string(d->switches().size());
   return v;
+}
+
+// A component that touches zero between the samples of its polynomial. Differences to both sides are 0.44 apart, and
+// the parabola through the samples had a margin of 2.7e-6.
+TEST(SwitchedDerivative, SeesATouchBetweenSamples) {
+  const Verdict v = verdict_of(801072);
+  EXPECT_FALSE(v.given);
+  EXPECT_NE(v.what.find("y_0 = w_0 = 0 at t = 0.144915"), std::string::npos) << v.what;
 }
 
 // E^{-1} B = (-1/10, 1/2): the contact force pulls the position into the floor, and after the first contact no y >= 0

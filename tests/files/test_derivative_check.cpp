@@ -19,6 +19,8 @@ TEST(DerivativeCheck, OfSomeExamples) {
   for (const auto& [name, kind] : {std::pair("rlcd", "discrete"),
                                    {"bottlenecks", "discrete"},
                                    {"fit/stop", "discrete"},
+                                   {"periodic-rectifier", "boundary"},
+                                   {"lq-control", "boundary"},
                                    {"fit/friction", "located"}}) {
     const Scene scene = read_scene_file(std::filesystem::path(BROMWICH_EXAMPLES) / (std::string(name) + ".toml")).scene;
     const app::DerivativeCheck check = app::check_derivatives(scene, *backend, scene.default_steps, 3);

@@ -1,0 +1,16 @@
+#pragma once
+// Batches that a user may stop: the rows of scenes that were not reached are not written, which would take as long as
+// the scenes before.
+
+#include "batch.hpp"
+
+namespace bromwich {
+
+/// As solve_batch. Where `interrupted` of the options ended it, y, w and x have the rows of the first scenes alone, up
+/// to the last one that is done.
+BatchResult solve_batch_until_stopped(const Batch&, Backend&, const Options& = {}, const MakeBackend& another = {});
+
+/// Adds the rows of all other scenes, NaN.
+void add_missing_rows(BatchResult&);
+
+}  // namespace bromwich

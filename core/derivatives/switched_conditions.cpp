@@ -1,0 +1,116 @@
+// Switches of a SwitchedTape: the change of the state at each, and what has to stay zero there.
+
+#include "core/base/text.hpp"
+#include "core/derivatives/switched_tape.hpp"
+
+#include <Eigen/QR>
+
+#include <algorithm>
+#include <cmath>
+
+namespace bromwich {
+
+using namespace switched;
+
+// The change of the state after the switch, as rows of that before; dt is one row.
+SwitchedTape::Bounded SwitchedTape::saltation(const Switch& s, const Piece* before, Bounded& dt) const {
+  Jet identity = Jet::zero(m_, m_, n_);
+  identity.x.setIdentity();
+  Bounded D = Bounded::of(identity);
+  dt = Bounded::of(Jet::zero(1, m_, n_));
+  if (before && before->mode->rows.constraints.x.rows() > 0) {
+    const SwitchedMode& mode = before->mode->rows;
+    const Matrix back = Eigen::CompleteOrthogonalDecomposition<Matrix>(mode.constraints.x).pseudoInverse();
+    D = D + Matrix(-back) * Bounded::of(mode.constraints);  // all changes that keep the constraints
+  }
+  if (s.moves) {
+    dt = Matrix{{-1 / s.rate}} * Bounded::of(s.row).after(D);
+    D = D + Matrix(s.rate_before) * dt;
+  }
+  for (const Impulse& p : s.impulses) {
+    const SwitchedMode& mode = p.mode->rows;
+    const Matrix move = system_.B * mode.impulse;
+    Bounded moved = D;
+    if (s.moves) moved = D + Matrix(-p.rate) * dt;
+    const Bounded impulse = mode.impulse * Bounded::of(mode.constraints).after(moved);
+    for (const Index i : mode.active) {
+      if (std::abs(p.p[i]) > vanishing_component * p.p.cwiseAbs().maxCoeff()) continue;
+      const Matrix row = Matrix::Identity(n_, n_).row(i);
+      if (!(row * impulse).vanishes())
+        not_differentiable_at_switch(text("the impulse of constraint %ld vanishes at t = %.6g", long(i), s.t),
+                                     other_switch_data);
+    }
+    D = D + system_.B * impulse;
+  }
+  if (s.moves) D = D + Matrix(-s.rate_after) * dt;
+  return D;
+}
+
+// Whether the set after the switch stays the one after it: what vanishes there has to vanish with it, for all changes
+// or as a condition on them.
+void SwitchedTape::check(Switch& s, const Piece* before, const Piece& after) {
+  const Matrix& derivative = Collocation::get().derivative;
+  const auto condition = [&](const Condition& c, const std::string& found) {
+    // Impacts one after the other lead to other states than those at once, however short the time between them.
+    const bool impacts = s.moves && !s.impulses.empty();
+    if (!along_some_ || impacts) not_differentiable_at_switch(found, other_switch_data);
+    if (only_along_.empty()) only_along_ = found;
+    s.conditions.push_back(c);
+  };
+  const auto rate_of_component = [&](const Piece& p, double at, Index i) {
+    return legendre(at).dot(derivative * polynomial(p, i)) / p.length;
+  };
+  const auto together = [&](bool first, const Piece& p, double at, Index i) {
+    condition({first, i, rate_of_component(p, at, i)},
+              text("y_%ld = w_%ld = 0 at t = %.6g, where another constraint switches or the data change", long(i),
+                   long(i), s.t));
+  };
+  Bounded dt;
+  const Bounded D = saltation(s, before, dt);
+  const auto stays = [&](const Piece& p, double at, Index i, const Bounded& state) {
+    const double rate = rate_of_component(p, at, i);
+    Bounded c = component(*p.mode, i).after(state);
+    // A rate that is only rounding has the terms of one that is not.
+    if (s.moves) {
+      c.value = sum_of_jets(c.value, Matrix{{rate}} * dt.value);
+      c.terms = sum_of_jets(c.terms, Matrix{{std::max(std::abs(rate), size_of(p, i) / T_)}} * dt.terms);
+    }
+    return c.vanishes();
+  };
+  if (before) {
+    Switch none;
+    Bounded no_dt;
+    const Bounded state = saltation(none, before, no_dt);
+    for (Index i = 0; i < n_; ++i)
+      if (i != s.component && vanishes(*before, before->until, i) && !stays(*before, before->until, i, state))
+        together(true, *before, before->until, i);
+  }
+  for (Index i = 0; i < n_; ++i)
+    if (vanishes(after, 0, i) && !stays(after, 0, i, D)) together(false, after, 0, i);
+  const SwitchedMode& mode = after.mode->rows;
+  if (mode.constraints.x.rows() > 0 && !Bounded::of(mode.constraints).after(D).vanishes())
+    condition({false, -1, 0}, text("the state meets several constraints at once at t = %.6g", s.t));
+}
+
+// The conditions of one side of a switch with a change: x of the state there, and what it is made of.
+void SwitchedTape::check_conditions(const Switch& s, bool before, const Piece& p, double at, const Sources& sources,
+                                    const Vector& x, const Vector& terms_of_x, double dt) const {
+  for (const Condition& c : s.conditions) {
+    if (c.before != before) continue;
+    const Bounded rows = c.component < 0 ? Bounded::of(p.mode->rows.constraints) : component(*p.mode, c.component);
+    JetValues u = values_of(sources, p, at);
+    u.x = x;
+    Vector value = evaluate(rows.value, u);
+    for (Vector* v : {&u.f, &u.df, &u.g, &u.dg, &u.ddg}) *v = v->cwiseAbs();
+    u.x = terms_of_x;
+    Vector size = terms(rows.terms, u);
+    if (c.component >= 0) {
+      value[0] += c.rate * dt;
+      size[0] += std::max(std::abs(c.rate), size_of(p, c.component) / T_) * std::abs(dt);
+    }
+    if (((value.cwiseAbs() - agreed_at_switch * size).array() > 0).any())
+      not_differentiable_at_switch(only_along_, other_switch_data);
+  }
+}
+
+}  // namespace bromwich
