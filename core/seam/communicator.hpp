@@ -47,9 +47,9 @@ class Communicator {
   /// The values of rank `root` on all ranks.
   void broadcast(double* values, Index count, int root);
 
-  /// Steps of a time grid for each rank from which on it pays to divide them: a coarser grid costs the same messages for
-  /// half the work. 16 steps are as much work as a message between processes of one machine, whose length grows with
-  /// that of the rows (signorini and signorini3d on two cores, bench/results/scale.json).
+  /// Steps of a time grid for each rank from which on it pays to divide them: a coarser grid costs the same messages
+  /// for half the work. 16 steps are as much work as a message between processes of one machine, whose length grows
+  /// with that of the rows (signorini and signorini3d on two cores, bench/results/scale.json).
   virtual Index fewest_steps() const { return 16; }
 
   /// Whether rows of arrays travel from device to device, in the order of the stream of their backend: the calls below

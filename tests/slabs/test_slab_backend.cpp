@@ -56,7 +56,8 @@ TEST(Slabs, CoverAllRowsOnceAndKeepTheirTimes) {
 // Grids of which both, one or none are divided, with ends of slabs that are points of the coarse grid or not.
 TEST(SlabBackend, MovesValuesBetweenGrids) {
   const auto cpu = make_cpu_backend(1);
-  for (const auto& grids : {std::pair<Index, Index>(1024, 512), {1024, 128}, {768, 256}, {128, 64}, {24, 12}, {700, 350}})
+  for (const auto& grids :
+       {std::pair<Index, Index>(1024, 512), {1024, 128}, {768, 256}, {128, 64}, {24, 12}, {700, 350}})
     for (const int ranks : {1, 2, 3, 7}) {
       const Index fine = grids.first, coarse = grids.second;
       const RowMatrix f = Random(1).matrix(fine + 1, 3), c = Random(2).matrix(coarse + 1, 3),
