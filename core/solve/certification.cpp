@@ -53,6 +53,27 @@ void demote(Result& result, const std::string& reason) {
   result.reason = reason;
 }
 
+// The rate of the fastest growing mode of sparse dynamics, where their spectrum says that there is one: the growth of a
+// vector in steps of implicit Euler that are short enough for it. 0: it does not grow.
+double growth_rate(const DiscreteProblem& p) {
+  constexpr int steps = 80, counted = 20;
+  const LinearSystem& d = *p.scene.dynamics;
+  if (p.small_state() || !d.matrices()) return 0;
+  const double z = 2 * p.shared->spectrum().abscissa;
+  const auto shifted = z > 0 ? d.at_shift(z) : nullptr;
+  if (!shifted) return 0;
+  Vector v = Vector::NullaryExpr(d.states(), [](Index i) { return std::sin(1 + double(i) * double(i)); });
+  double grown = 0;  // logarithm
+  for (int i = 0; i < steps; ++i) {
+    v = z * shifted->solve(Vector(d.times_mass(v)));
+    const double size = v.norm();
+    if (!(size > 0) || !std::isfinite(size)) return 0;
+    if (i >= steps - counted) grown += std::log(size);
+    v /= size;
+  }
+  return std::max(0.0, z * (1 - std::exp(-grown / counted)));
+}
+
 }  // namespace
 
 double residual_limit(bool iterated, const Result& result, const Options& options) {
@@ -93,11 +114,12 @@ void Certification::certify(Method method, Result& result) {
                                std::min(m.rounding, 1.0)));
   }
   if (m.correction > most_correction)
-    return demote(result, text("y and the states that it leads to part by %.1e of y, because the free state grows: "
-                               "use method march",
-                               m.correction));
+    return demote(result, text("y and the states that it leads to part by %.1e of y, because the free state grows: %s",
+                               m.correction, method == Method::march ? "use more steps" : "use method march"));
+  const bool rational = by_euler(method, result) || !result.continuous;
   if (options_.compares_grids) {  // the next grid is half the step
     resolve_modes(method, m.x, result);
+    if (rational && result.status == Status::solved) doubt_growth(method, growth_rate(p), result);
     if (result.status == Status::solved) look_for_other_solutions(result);
     return;
   }
@@ -108,6 +130,7 @@ void Certification::certify(Method method, Result& result) {
   }
   confirm(method, m, result);
   if (result.status == Status::solved) resolve_modes(method, m.x, result);
+  if (rational && result.status == Status::solved) doubt_growth(method, growth_rate(p), result);
   if (result.status == Status::solved) doubt_many_jumps(method, result);
   if (result.status == Status::solved) look_for_other_solutions(result);
 }
@@ -192,6 +215,20 @@ void Certification::resolve_modes(Method method, const RowMatrix& known, Result&
     demote(result, words + "; use more steps");
   } else {
     add_warning(result, words);
+  }
+}
+
+// Rules that are stable for all modes that decay damp fast ones that grow, too.
+void Certification::doubt_growth(Method method, double rate, Result& result) {
+  constexpr double followed = 0.25;  // h times the rate
+  const DiscreteProblem& p = methods_.problem();
+  const std::string why = text("the scene has a mode that grows like e^(%.3g t)", rate);
+  if (p.h * rate > followed) {
+    sensitive_ = true;
+    demote(result, why + text(", and steps of %.3g do not resolve it: use about %.0f steps", p.h,
+                              std::ceil(p.scene.T * rate / followed)));
+  } else if (!options_.compares_grids && p.scene.T * rate > std::log(doubtful_growth_with_jumps)) {
+    confirm_by_half_the_step(method, 1, why, result);
   }
 }
 

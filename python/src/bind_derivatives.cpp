@@ -62,7 +62,8 @@ class AnyDerivative {
       discrete_.emplace(scene, result);
     } else {
       const std::lock_guard lock(machine_->busy);
-      const bool in_modes = scene.dynamics->modes();
+      const KroneckerDynamics* modes = scene.dynamics->modes();
+      const bool in_modes = modes && !modes->both_faces;
       if (!in_modes || space_time_pays(*machine_->backend, scene, result))
         space_time_ = std::make_unique<SpaceTimeDerivative>(scene, result, *machine_->backend);
       else
