@@ -317,9 +317,9 @@ class Fronts {
     remainders_.push_back(f);
   }
 
-  static constexpr Index panel = 32, block = 24;  // a block of U has 64 KB
+  static constexpr Index panel = 32, block = 24;  // a block of U has 96 KB
 #if defined(__AVX512F__)
-  static constexpr Index tile_rows = 3, tile_columns = 3;  // accumulators take 16 of 32 registers
+  static constexpr Index tile_rows = 3, tile_columns = 3;  // accumulators take 18 of 32 registers
 #else
   static constexpr Index tile_rows = 2, tile_columns = 1;
 #endif
