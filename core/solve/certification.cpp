@@ -53,27 +53,6 @@ void demote(Result& result, const std::string& reason) {
   result.reason = reason;
 }
 
-// The rate of the fastest growing mode of sparse dynamics, where their spectrum says that there is one: the growth of a
-// vector in steps of implicit Euler that are short enough for it. 0: it does not grow.
-double growth_rate(const DiscreteProblem& p) {
-  constexpr int steps = 80, counted = 20;
-  const LinearSystem& d = *p.scene.dynamics;
-  if (p.small_state() || !d.matrices()) return 0;
-  const double z = 2 * p.shared->spectrum().abscissa;
-  const auto shifted = z > 0 ? d.at_shift(z) : nullptr;
-  if (!shifted) return 0;
-  Vector v = Vector::NullaryExpr(d.states(), [](Index i) { return std::sin(1 + double(i) * double(i)); });
-  double grown = 0;  // logarithm
-  for (int i = 0; i < steps; ++i) {
-    v = z * shifted->solve(Vector(d.times_mass(v)));
-    const double size = v.norm();
-    if (!(size > 0) || !std::isfinite(size)) return 0;
-    if (i >= steps - counted) grown += std::log(size);
-    v /= size;
-  }
-  return std::max(0.0, z * (1 - std::exp(-grown / counted)));
-}
-
 }  // namespace
 
 double residual_limit(bool iterated, const Result& result, const Options& options) {
