@@ -5,8 +5,8 @@
 //     w:  max |w - w_ref| / max |w_ref|,     y:  mean |y - y_ref| / mean |y_ref|,
 //
 // over the time points of both grids are below 1e-3. The reference is march with more steps. 10^6 states are solved on
-// request: once by both with equal steps, where the errors of the Euler are differences from that march, or, if steps of
-// both are given, at equal error, too, with a reference and no ladder.
+// request: once by both with equal steps, where the errors of the Euler are differences from that march, or, if steps
+// of both are given, at equal error, too, with a reference and no ladder.
 
 #include "app/commands.hpp"
 #include "app/text.hpp"
