@@ -206,7 +206,7 @@ SceneCheck check_scene(const SceneChoice& choice, Backend& backend, const Option
   if (choice.system)
     check.nonlinear = nonlinear_facts(*choice.system, check.steps);
   else if (scene.dynamics->has_singular_mass())
-    check.refusal = "E is singular: eliminate the algebraic equations, as rows with w = 0 and a free y";
+    check.refusal = describe_singular_mass(*scene.dynamics);
   else
     look_at_methods(scene, backend, options, check);
   std::optional<Spectrum> known;

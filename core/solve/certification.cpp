@@ -6,6 +6,8 @@
 #include "core/kernel/resolution.hpp"
 #include "core/kernel/ringing.hpp"
 
+#include <Eigen/SparseCholesky>
+
 #include <algorithm>
 #include <cmath>
 
@@ -51,6 +53,15 @@ double rounding_of_w(const DiscreteProblem& p, const Result& result) {
 void demote(Result& result, const std::string& reason) {
   result.status = Status::tolerance_not_met;
   result.reason = reason;
+}
+
+// Whether E is symmetric, and not positive definite.
+bool has_indefinite_mass(const DiscreteProblem& p) {
+  const SparseDynamics* d = p.scene.dynamics->matrices();
+  if (!d || d->E.rows() == 0) return false;
+  const SparseMatrix transposed = d->E.transpose();
+  return (d->E - transposed).norm() <= 16 * epsilon * d->E.norm() &&
+         Eigen::SimplicialLLT<SparseMatrix>(d->E).info() != Eigen::Success;
 }
 
 }  // namespace
@@ -201,7 +212,8 @@ void Certification::resolve_modes(Method method, const RowMatrix& known, Result&
 void Certification::doubt_growth(Method method, double rate, Result& result) {
   constexpr double followed = 0.25;  // h times the rate
   const DiscreteProblem& p = methods_.problem();
-  const std::string why = text("the scene has a mode that grows like e^(%.3g t)", rate);
+  const std::string why = text("the scene has a mode that grows like e^(%.3g t)", rate) +
+                          (has_indefinite_mass(p) ? " (E is not positive definite)" : "");
   if (p.h * rate > followed) {
     sensitive_ = true;
     demote(result, why + text(", and steps of %.3g do not resolve it: use about %.0f steps", p.h,
