@@ -44,6 +44,7 @@ PreparationCounts operator+(PreparationCounts a, const PreparationCounts& b) {
 }  // namespace
 
 double KernelFit::error_from(double h) const {
+  if (sum.rates.size() == 0) return sum.error;  // the kernel has decayed at t = h
   const auto size = [&](double t) {
     return (sum.coefficients.transpose() * (t * sum.rates.array()).exp().matrix()).cwiseAbs().maxCoeff();
   };
