@@ -39,7 +39,8 @@ std::string counted(std::size_t count, const char* noun) {
 std::string kind_text(const LinearSystem& dynamics) {
   if (dynamics.small_state()) return "dense matrices";
   if (const auto* d = dynamics.modes())
-    return fmt::format("Kronecker sum, {} lines of {} points", d->face_points(), d->across.points);
+    return fmt::format("Kronecker sum, {} lines of {} points{}", d->lines(), d->across.points,
+                       d->both_faces ? ", constraints at both ends" : "");
   if (const auto* d = dynamics.matrices()) return fmt::format("sparse matrices, {} nonzeros in A", d->A.nonZeros());
   return "supplied by callbacks";
 }
@@ -205,7 +206,7 @@ SceneCheck check_scene(const SceneChoice& choice, Backend& backend, const Option
   if (choice.system)
     check.nonlinear = nonlinear_facts(*choice.system, check.steps);
   else if (scene.dynamics->has_singular_mass())
-    check.refusal = "E is singular: eliminate the algebraic equations, as rows with w = 0 and a free y";
+    check.refusal = describe_singular_mass(*scene.dynamics);
   else
     look_at_methods(scene, backend, options, check);
   std::optional<Spectrum> known;

@@ -89,7 +89,8 @@ class CudaBackend final : public Backend, public SharedMemory {
     };
     fused_.resolvent = [this](const Dynamics& dynamics, const ComplexVector& nodes) -> ComplexMatrix {
       if (const auto* d = dynamics->small_state()) return resolvent_(*d, nodes);
-      if (const auto* d = dynamics->modes(); d && d->across.has_sine_modes()) return resolvent_(*d, nodes);
+      if (const auto* d = dynamics->modes(); d && d->across.has_sine_modes() && !d->both_faces)
+        return resolvent_(*d, nodes);
       return host_->resolvent(dynamics, nodes);
     };
     fused_.slabs.move_rows = [this](const Array* from, Index first, Index ratio, Array& to, Index begin, Index count) {

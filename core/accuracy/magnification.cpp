@@ -144,7 +144,58 @@ class Growth {
   std::vector<double> logarithms_;  ///< of the growth in each step
 };
 
+struct GrowingMode {
+  double rate = 0;  ///< 0: nothing grows
+  Vector v;
+};
+
+// By steps of implicit Euler of length 1/z, which have to be short enough for it.
+GrowingMode growing_mode(const LinearSystem& d, double z) {
+  constexpr int steps = 80, counted = 20;
+  const auto shifted = d.at_shift(z);
+  GrowingMode mode;
+  if (!shifted) return mode;
+  mode.v = Vector::NullaryExpr(d.states(), [](Index i) { return std::sin(1 + double(i) * double(i)); });
+  double grown = 0;  // logarithm
+  for (int i = 0; i < steps; ++i) {
+    mode.v = z * shifted->solve(Vector(d.times_mass(mode.v)));
+    const double size = mode.v.norm();
+    if (!(size > 0) || !std::isfinite(size)) return {};
+    if (i >= steps - counted) grown += std::log(size);
+    mode.v /= size;
+  }
+  mode.rate = std::max(0.0, z * (1 - std::exp(-grown / counted)));
+  return mode;
+}
+
 }  // namespace
+
+double growth_rate(const DiscreteProblem& p) {
+  constexpr double none = 1e-6;  // of the largest entry
+  const SparseDynamics* d = p.small_state() ? nullptr : p.scene.dynamics->matrices();
+  const double z = d ? 2 * p.shared->spectrum().abscissa : 0;
+  if (!(z > 0)) return 0;
+  const auto matters = [&](const Vector& found, const Vector& terms) {
+    return ((found.cwiseAbs() - none * terms).array() > 0).any();
+  };
+  const auto meets = [&](const SparseMatrix& rows, const Vector& v) {
+    return matters(rows * v, rows.cwiseAbs() * Vector::Constant(v.size(), v.cwiseAbs().maxCoeff()));
+  };
+  const GrowingMode right = growing_mode(*p.scene.dynamics, z);
+  if (right.rate == 0) return 0;
+  const double largest = right.v.cwiseAbs().maxCoeff();
+  const bool recorded = std::any_of(p.components.begin(), p.components.end(),
+                                    [&](Index i) { return std::abs(right.v[i]) > none * largest; });
+  if (!recorded && !meets(d->N, right.v)) return 0;
+  const auto transposed =
+      linear_system(SparseDynamics{d->A.transpose(), d->N.transpose(), d->B.transpose(), d->E.transpose()});
+  const GrowingMode left = growing_mode(*transposed, z);
+  const SparseMatrix F = p.scene.F.transpose();
+  const Vector start = p.scene.dynamics->times_mass(p.scene.x0);
+  const bool excited = left.rate == 0 || meets(d->B.transpose(), left.v) || (F.size() > 0 && meets(F, left.v)) ||
+                       std::abs(left.v.dot(start)) > none * left.v.cwiseAbs().dot(start.cwiseAbs());
+  return excited ? right.rate : 0;
+}
 
 Magnification magnification(const DiscreteProblem& p, Rule rule, const RowMatrix& y, const RowMatrix& recorded) {
   const DenseDynamics* d = p.small_state();

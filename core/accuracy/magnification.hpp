@@ -38,6 +38,10 @@ Magnification magnification(const DiscreteProblem&, Rule, const RowMatrix& y, co
 double accumulated(const DiscreteProblem&, Rule, const RowMatrix& y, const RowMatrix& x, const Vector& defect,
                    const Vector& scale);
 
+/// The rate of the fastest growing mode of sparse dynamics, where their spectrum says that there is one. 0: there is
+/// none, or constraints and recorded states do not see it, or nothing excites it. Costs two real factorizations.
+double growth_rate(const DiscreteProblem&);
+
 /// Largest frequency (radians per unit of time) of a hardly damped mode of A - B_S M_SS^{-1} N_S over the active sets S
 /// of y: contacts that act as springs. M of class P, dense dynamics; 0 where no set has such a mode.
 double contact_frequency(const DiscreteProblem&, const RowMatrix& y);

@@ -24,7 +24,7 @@ ComplexMatrix times(const SparseMatrix& matrix, const ComplexMatrix& columns) {
 }  // namespace
 
 ContourStates::ContourStates(const DiscreteProblem& p)
-    : d_(p.scene.dynamics),
+    : d_(p.modes() ? Dynamics(to_sparse(*p.modes())) : p.scene.dynamics),
       backend_(p.backend),
       threads_(d_->matrices() ? static_cast<const HostThreads&>(p.backend) : calling_thread),
       B_(d_->inputs()),

@@ -80,7 +80,7 @@ class KroneckerStateMaps final : public StateMaps {
 }  // namespace
 
 std::unique_ptr<StateMaps> make_state_maps(const DiscreteProblem& p) {
-  if (p.modes()) return std::make_unique<KroneckerStateMaps>(p);
+  if (p.modes() && !p.modes()->both_faces) return std::make_unique<KroneckerStateMaps>(p);
   if (p.small_state()) return std::make_unique<DenseStateMaps>(p);
   return std::make_unique<ContourStates>(p);
 }

@@ -49,7 +49,7 @@ ModalRecurrence shortened(const ModalRecurrence& whole, const KroneckerDynamics&
   for (Index k = 0; k < K; ++k) {
     const ArrayPhi phi = array_phi(h * (mu.array() + sum.rates[k]));
     r.decay.row(k) = phi.exponential;
-    r.output.row(k) = h * sum.coefficients[k] * phi.phi1.square();
+    r.output.row(k) = h * sum.coefficients(k, 0) * phi.phi1.square();
     r.start.row(k) = (phi.phi1 - phi.phi2) / phi.phi1.square();
   }
   const auto lag_1 = [](const ModalRecurrence& of) { return of.output.colwise().sum().transpose(); };

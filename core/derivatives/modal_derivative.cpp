@@ -23,6 +23,8 @@ constexpr double smallest_condition = 1e-14;
 const KroneckerDynamics& modes_of(const Scene& scene, const Result& r) {
   const KroneckerDynamics* d = scene.dynamics->modes();
   if (!d) refuse_in_modes("the dynamics are no Kronecker sum", "use the derivative of dense dynamics");
+  if (d->both_faces)
+    refuse_in_modes("contact is on two sides of a Kronecker sum", "use the derivative over all time points");
   if (r.status != Status::solved)
     refuse_in_modes(text("the result is not solved (%s)", to_string(r.status)), "differentiate solved results");
   if (r.method != Method::march && r.method != Method::contour && r.method != Method::multigrid)

@@ -69,17 +69,18 @@ ResultDerivative::ResultDerivative(const Scene& scene, const Result& result, Bac
 }
 
 void ResultDerivative::make_continuous(const Result& result, Backend& backend, bool all_times) {
-  const bool in_modes = scene_.dynamics->modes();
+  const KroneckerDynamics* const modes = scene_.dynamics->modes();
+  const bool one_face = modes && !modes->both_faces;  // as the derivative in modes needs it
   if (!all_times && scene_.states() <= largest_written_out) {
     discrete_.emplace(scene_, result);
-  } else if (all_times || !in_modes || space_time_pays(backend, scene_, result)) {
+  } else if (all_times || !one_face || space_time_pays(backend, scene_, result)) {
     space_time_ = std::make_unique<SpaceTimeDerivative>(scene_, result, backend);
     form_ = DerivativeForm::all_times;
   } else {
     modal_ = std::make_unique<ModalDerivative>(scene_, result);
     form_ = DerivativeForm::modes;
   }
-  if (in_modes && !modal_) {
+  if (modes && !modal_) {
     result_ = result;
     result_->x.resize(0, 0);
   }

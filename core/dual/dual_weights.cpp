@@ -209,6 +209,7 @@ std::vector<Complex> rule_boundary(Index stages, double h, Index J, Index points
 DualChoice dual_weights(const DiscreteProblem& p, Index stages, const DualWeights* finer) {
   if (p.small_state()) return stages == 1 ? dense_dual_weights(p) : refused_dual("dense dynamics have no stages");
   if (!p.modes()) return fitted_dual_weights(p, stages, finer);
+  if (p.modes()->both_faces) return refused_dual("contact on two sides has no inverse in modes here");
   auto M = eigenvalues_in(p.face(), p.scene.M);
   if (!M) return refused_dual("the modes of the face do not diagonalise M");
   return ModalInverse(p, std::move(*M), stages).choose(finer ? finer->fit : nullptr);

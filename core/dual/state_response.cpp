@@ -60,8 +60,8 @@ std::shared_ptr<const ModalStages> all_modes(const DiscreteProblem& p) {
   modal->rates = d.across.eigenvalues();
   modal->across = d.across.modes();
   modal->direct = d.n.dot(d.b);
-  modal->input = d.across.in_modes(d.b);
-  modal->output = d.across.in_modes(d.n);
+  modal->input = d.of_modes(d.inputs_in_modes());
+  modal->output = d.of_modes(d.across.in_modes(d.n));
   modal->start = x0_in_modes(p.backend, d, p.scene.x0, true).transpose();
   return modal;
 }

@@ -2,11 +2,16 @@
 // The numerical part of the multifrontal elimination of zE - A (core/numerics/elimination.hpp has the symbolic part),
 // eight shifts z at a time, one per lane. All lanes have the same structure, so fronts with one or two pivots use whole
 // vectors, too. A test column (zE - A) u, u = ±1, whose solution is known, is solved along with B.
+//
+// Symmetric A and E: what is above the diagonal of a front follows from what is below. Where N = D B^T besides, D
+// diagonal, [zE - A, B; B^T, 0] is reduced instead, so that this holds for rows and columns of contacts, too. Its last
+// block is -D^{-1} N (zE - A)^{-1} B.
 
 #include "../base/simd.hpp"
 #include "../numerics/elimination.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <vector>
 
 namespace bromwich::multifrontal {
@@ -32,6 +37,12 @@ inline void subtract_product(Entry& a, const Entry& b, const Entry& c) {
   a.im -= b.im * c.re;
 }
 
+// Begins to load an entry that is about to be changed.
+inline void fetch(const Entry& a) {
+  __builtin_prefetch(&a.re, 1);
+  __builtin_prefetch(&a.im, 1);
+}
+
 inline Entry product(const Entry& b, const Entry& c) { return {b.re * c.re - b.im * c.im, b.re * c.im + b.im * c.re}; }
 
 inline Entry inverse(const Entry& a) {
@@ -43,6 +54,7 @@ inline Entry inverse(const Entry& a) {
 struct System {
   Elimination plan;
   bool symmetric = false;
+  Vector ratio;  ///< D where N = D B^T and A and E are symmetric; else empty
   std::vector<int> position;
   SparseMatrix A, E;               ///< E with the structure of A; empty if there is no E
   RowSparse rows_of_A, rows_of_E;  ///< only if not symmetric
@@ -60,6 +72,7 @@ struct System {
     symmetric = is_symmetric(A) && (!mass() || is_symmetric(E));
     position.resize(plan.order.size());
     for (std::size_t i = 0; i < position.size(); ++i) position[std::size_t(plan.order[i])] = int(i);
+    if (symmetric) ratio = ratio_of(N, given_B);
     if (!symmetric) rows_of_A = A;
     if (!symmetric && mass()) rows_of_E = E;
     unsigned long long random = 1;
@@ -72,10 +85,34 @@ struct System {
   }
 
   bool mass() const { return E.rows() > 0; }
+  bool bordered() const { return ratio.size() > 0; }
 
+  // Up to what sums of a few elements round, relative to the diagonal. The elimination reads one of two such entries.
   static bool is_symmetric(const SparseMatrix& A) {
-    const SparseMatrix transposed = A.transpose();
-    return (A - transposed).norm() == 0;
+    constexpr double rounding = 16 * epsilon;
+    const SparseMatrix transposed = A.transpose(), difference = A - transposed;
+    const Vector size = A.diagonal().cwiseAbs().cwiseSqrt();
+    for (Index c = 0; c < difference.cols(); ++c)
+      for (SparseMatrix::InnerIterator d(difference, c); d; ++d)
+        if (!(std::abs(d.value()) <= rounding * size[d.row()] * size[c])) return false;
+    return true;
+  }
+
+  // D of N = D B^T, B the first columns of the given ones; empty if there is none.
+  static Vector ratio_of(const SparseMatrix& N, const SparseMatrix& B) {
+    constexpr double rounding = 1e-15;
+    if (B.cols() < N.rows()) return {};
+    const SparseMatrix columns = N.transpose();
+    Vector ratio(N.rows());
+    for (Index i = 0; i < ratio.size(); ++i) {
+      SparseMatrix::InnerIterator n(columns, i), b(B, i);
+      if (!n || !b || b.value() == 0) return {};
+      ratio[i] = n.value() / b.value();
+      for (; n && b && n.row() == b.row(); ++n, ++b)
+        if (!(std::abs(n.value() - ratio[i] * b.value()) <= rounding * std::abs(n.value()))) return {};
+      if (n || b) return {};
+    }
+    return (ratio.array() != 0).all() ? ratio : Vector();
   }
 };
 
@@ -105,6 +142,7 @@ class Fronts {
       cols_ = front.cols();
       pivots_ = front.pivots;
       main_ = pivots_ + Index(front.rest.size());
+      mirrored_ = s_.bordered() ? rows_ : s_.symmetric ? main_ : 0;
       std::fill_n(front_.begin(), rows_ * cols_, Entry{all(0), all(0)});
       find_places(front);
       assemble(front);
@@ -115,8 +153,10 @@ class Fronts {
   }
 
   Complex result(Index i, Index c, Index lane) const {
-    const Entry& e = result_[std::size_t(i * inputs_ + c)];
-    return {e.re[lane], e.im[lane]};
+    const bool above = s_.bordered() && i < c && c < s_.N.rows();
+    const Entry& e = result_[std::size_t(above ? c * inputs_ + i : i * inputs_ + c)];
+    const Complex value{e.re[lane], e.im[lane]};
+    return s_.bordered() ? -s_.ratio[i] * value : value;
   }
 
  private:
@@ -166,11 +206,14 @@ class Fronts {
           if (j >= front.first + pivots_) at(p, place_[std::size_t(j)]).re -= all(a.value());
         }
       for (RowSparse::InnerIterator b(s_.B, original); b; ++b)
-        at(p, column_place_[std::size_t(b.col())]).re += all(b.value());
+        if (s_.bordered() && b.col() < s_.N.rows())
+          at(row_place_[std::size_t(b.col())], p).re += all(b.value());
+        else
+          at(p, column_place_[std::size_t(b.col())]).re += all(b.value());
       Entry& known = at(p, column_place_[std::size_t(test)]);
       known.re += z_.re * all(s_.Eu[original]) - all(s_.Au[original]);
       known.im += z_.im * all(s_.Eu[original]);
-      for (SparseMatrix::InnerIterator n(s_.N, original); n; ++n)
+      for (SparseMatrix::InnerIterator n(s_.N, original); n && !s_.bordered(); ++n)
         at(row_place_[std::size_t(n.row())], p).re -= all(n.value());
     }
   }
@@ -183,6 +226,7 @@ class Fronts {
     const Entry* from = &stack_[std::size_t(top_)];
     const Index rest = Index(child.rest.size()), rows = child.rows() - child.pivots, cols = child.cols() - child.pivots;
     for (Index j = 0; j < cols; ++j) {
+      if (j == rest && s_.bordered()) j = rows;
       const bool in_rest = j < rest;
       const int to = in_rest ? place_[std::size_t(child.rest[std::size_t(j)])]
                              : column_place_[std::size_t(child.inputs[std::size_t(j - rest)])];
@@ -206,16 +250,17 @@ class Fronts {
           for (Index i = s_.symmetric ? j : p + 1; i < rows_; ++i) subtract_product(at(i, j), at(i, p), u);
         }
       }
-      // Blocks do not cross from the rest to the inputs, where symmetry ends.
-      for (Index j = last; j < main_; j += block) update_columns(first, last, j, std::min(block, main_ - j));
-      for (Index j = main_; j < cols_; j += block) update_columns(first, last, j, std::min(block, cols_ - j));
+      // Blocks do not cross the column where symmetry ends.
+      for (Index j = last; j < mirrored_; j += block) update_columns(first, last, j, std::min(block, mirrored_ - j));
+      for (Index j = std::max(last, mirrored_); j < cols_; j += block)
+        update_columns(first, last, j, std::min(block, cols_ - j));
     }
   }
 
   // Updates `count` columns from j on, below and to the right of the panel. A tile of L stays in the first cache while
   // it meets all columns of the block, which stay in the second one.
   void update_columns(Index first, Index last, Index j, Index count) {
-    const bool symmetric = s_.symmetric && j < main_;
+    const bool symmetric = j < mirrored_;
     const Index width = last - first;
     for (Index c = 0; c < count; ++c) find_row(first, width, j + c, symmetric, &U_[std::size_t(c * width)]);
     const Index odd = (tile_columns - count % tile_columns) % tile_columns;
@@ -248,10 +293,17 @@ class Fronts {
   template <Index height>
   void update_tile(Index i, Index j, Index first, Index width, const Entry* U, Index count) {
     Entry sum[height][tile_columns] = {};
+    for (Index c = 0; c < count; ++c)
+      for (Index k = 0; k < height; ++k) fetch(at(i + k, j + c));
     const Entry* L = &at(i, first);
-    for (Index p = 0; p < width; ++p, L += rows_)
-      for (Index c = 0; c < tile_columns; ++c)
-        for (Index k = 0; k < height; ++k) subtract_product(sum[k][c], L[k], U[c * width + p]);
+    for (Index p = 0; p < width; ++p, L += rows_) {
+      Entry u[tile_columns];
+      for (Index c = 0; c < tile_columns; ++c) u[c] = U[c * width + p];
+      for (Index k = 0; k < height; ++k) {
+        const Entry l = L[k];
+        for (Index c = 0; c < tile_columns; ++c) subtract_product(sum[k][c], l, u[c]);
+      }
+    }
     for (Index c = 0; c < count; ++c)
       for (Index k = 0; k < height; ++k) add(at(i + k, j + c), sum[k][c]);
   }
@@ -259,20 +311,21 @@ class Fronts {
   // Adds the outputs x inputs block to the result and pushes the rest for the parent front.
   void hand_on(const Front& front, std::size_t f) {
     for (Index j = main_; j < cols_; ++j)
-      for (Index i = main_; i < rows_; ++i)
+      for (Index i = j < mirrored_ ? j : main_; i < rows_; ++i)
         add(result_[std::size_t(front.outputs[std::size_t(i - main_)] * inputs_ +
                                 front.inputs[std::size_t(j - main_)])],
             at(i, j));
     if (front.rest.empty()) return;
     Entry* to = &stack_[std::size_t(top_)];
-    for (Index j = pivots_; j < cols_; ++j, to += rows_ - pivots_) std::copy_n(&at(pivots_, j), rows_ - pivots_, to);
+    for (Index j = pivots_; j < cols_; ++j, to += rows_ - pivots_)
+      if (!(main_ <= j && j < mirrored_)) std::copy_n(&at(pivots_, j), rows_ - pivots_, to);
     top_ += front.remainder();
     remainders_.push_back(f);
   }
 
-  static constexpr Index panel = 32, block = 16;  // a block of U has 64 KB
+  static constexpr Index panel = 32, block = 24;  // a block of U has 96 KB
 #if defined(__AVX512F__)
-  static constexpr Index tile_rows = 4, tile_columns = 2;  // accumulators take 16 of 32 registers
+  static constexpr Index tile_rows = 3, tile_columns = 3;  // accumulators take 18 of 32 registers
 #else
   static constexpr Index tile_rows = 2, tile_columns = 1;
 #endif
@@ -283,6 +336,7 @@ class Fronts {
   std::vector<Entry> front_, stack_, result_, U_;
   std::vector<std::size_t> remainders_;
   Index top_ = 0, rows_ = 0, cols_ = 0, pivots_ = 0, main_ = 0;
+  Index mirrored_ = 0;  ///< columns whose part above the diagonal follows from the rows
   Entry z_{};
 };
 

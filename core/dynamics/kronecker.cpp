@@ -33,7 +33,7 @@ class KroneckerSystem final : public SystemOf<KroneckerDynamics> {
  public:
   using SystemOf::SystemOf;
 
-  Index states() const override { return d.face_points() * d.across.points; }
+  Index states() const override { return d.lines() * d.across.points; }
   Index constraints() const override { return d.face_points(); }
   void validate(bool) const override {
     validate_difference("along", d.along);
@@ -44,6 +44,8 @@ class KroneckerSystem final : public SystemOf<KroneckerDynamics> {
     require_length("n", d.n, d.across.points, "one per point of a line (across.points)");
     require_finite("b", d.b);
     require_finite("n", d.n);
+    if (d.both_faces && d.across.first != d.across.last)
+      throw Error("across", "has two ends that differ", "give constraints on both faces as a Rectangle");
   }
 
   SparseMatrix inputs() const override { return to_sparse(d).B; }
@@ -55,9 +57,10 @@ class KroneckerSystem final : public SystemOf<KroneckerDynamics> {
     // It may see the first points of a line alone.
     Index seen = d.n.size();
     while (seen > 1 && d.n[seen - 1] == 0) --seen;
-    return lines(x).leftCols(seen) * d.n.head(seen);
+    if (!d.both_faces) return lines(x).leftCols(seen) * d.n.head(seen);
+    return lines(d.views(x)).leftCols(seen) * d.n.head(seen);
   }
-  Vector observed_terms(const Vector& x) const override { return lines(x).cwiseAbs() * d.n.cwiseAbs(); }
+  Vector observed_terms(const Vector& x) const override { return lines(d.views(x)).cwiseAbs() * d.n.cwiseAbs(); }
 
   Spectrum spectrum() const override {
     const Vector mu = d.face_eigenvalues(), nu = d.across.eigenvalues();
@@ -92,12 +95,13 @@ class KroneckerSystem final : public SystemOf<KroneckerDynamics> {
   ComplexMatrix solve_at(const ComplexVector& nodes, const HostThreads& threads) const override {
     const Vector mu = d.face_eigenvalues();
     const Index n = mu.size();
-    const LineTransfer transfer(d.across, d.n, d.b);
+    std::vector<LineTransfer> transfer;
+    for (Index f = 0; f < d.families(); ++f) transfer.emplace_back(d.across, d.n, d.input(f));
     ComplexMatrix R(nodes.size(), n);
     const Index fewest = (Index(1) << 9) / std::max<Index>(nodes.size(), 1) + 1;  // lines: as long as waking a thread
     share(threads, n, std::max(fewest, n / (4 * threads.threads())), [&](Index first, Index last) {
       for (Index l = first; l < last; ++l)
-        for (Index p = 0; p < nodes.size(); ++p) R(p, l) = transfer(nodes[p] - mu[l]);
+        for (Index p = 0; p < nodes.size(); ++p) R(p, l) = transfer[std::size_t(d.family(l))](nodes[p] - mu[l]);
     });
     return R;
   }
@@ -117,11 +121,17 @@ std::vector<SecondDifference> KroneckerDynamics::face() const {
 
 FaceBasis KroneckerDynamics::face_basis() const {
   std::vector<LineBasis> directions;
+  if (both_faces) {
+    const double part = std::sqrt(0.5);
+    directions.push_back({2, std::make_shared<const Matrix>(Matrix{{part, part}, {part, -part}})});
+  }
   for (const SecondDifference& direction : face()) directions.push_back(direction.basis().directions().front());
   return FaceBasis(std::move(directions));
 }
 
-Index KroneckerDynamics::face_points() const {
+Index KroneckerDynamics::face_points() const { return families() * lines(); }
+
+Index KroneckerDynamics::lines() const {
   Index points = along.points;
   for (const SecondDifference& direction : beside) points *= direction.points;
   return points;
@@ -134,11 +144,37 @@ Vector KroneckerDynamics::face_eigenvalues() const {
     sums.resize(before.size() * next.size());
     for (Index i = 0; i < before.size(); ++i) sums.segment(i * next.size(), next.size()) = next.array() + before[i];
   }
-  return sums;
+  return sums.replicate(families(), 1);
+}
+
+Vector KroneckerDynamics::input(Index family) const {
+  if (!both_faces) return b;
+  return family == 0 ? Vector(b + b.reverse()) : Vector(b - b.reverse());
+}
+
+Matrix KroneckerDynamics::inputs_in_modes() const {
+  Matrix inputs(across.points, families());
+  for (Index f = 0; f < families(); ++f) inputs.col(f) = across.in_modes(input(f));
+  return inputs;
+}
+
+RowMatrix KroneckerDynamics::of_modes(const Matrix& of_families) const {
+  RowMatrix values(of_families.rows(), face_points());
+  for (Index l = 0; l < values.cols(); ++l) values.col(l) = of_families.col(of_families.cols() > 1 ? family(l) : 0);
+  return values;
+}
+
+Vector KroneckerDynamics::views(const Vector& x) const {
+  if (!both_faces) return x;
+  Vector both(2 * x.size());
+  both.head(x.size()) = x;
+  const Eigen::Map<const RowMatrix> near(x.data(), lines(), across.points);
+  Eigen::Map<RowMatrix>(both.data() + x.size(), lines(), across.points) = near.rowwise().reverse();
+  return both;
 }
 
 SparseDynamics to_sparse(const KroneckerDynamics& d) {
-  const Index lines = d.face_points(), length = d.across.points, m = lines * length;
+  const Index lines = d.lines(), n = d.face_points(), length = d.across.points, m = lines * length;
   std::vector<SecondDifference> directions = d.face();
   directions.push_back(d.across);
   std::vector<Eigen::Triplet<double>> A, B, N;
@@ -159,10 +195,13 @@ SparseDynamics to_sparse(const KroneckerDynamics& d) {
   for (Index l = 0; l < lines; ++l)
     for (Index k = 0; k < length; ++k) {
       const Index i = l * length + k;
-      if (d.b[k] != 0) B.emplace_back(i, l, d.b[k]);
-      if (d.n[k] != 0) N.emplace_back(l, i, d.n[k]);
+      for (Index c = l; c < n; c += lines) {
+        const Index from_face = c < lines ? k : length - 1 - k;
+        if (d.b[from_face] != 0) B.emplace_back(i, c, d.b[from_face]);
+        if (d.n[from_face] != 0) N.emplace_back(c, i, d.n[from_face]);
+      }
     }
-  SparseDynamics sparse{SparseMatrix(m, m), SparseMatrix(m, lines), SparseMatrix(lines, m)};
+  SparseDynamics sparse{SparseMatrix(m, m), SparseMatrix(m, n), SparseMatrix(n, m)};
   sparse.A.setFromTriplets(A.begin(), A.end());
   sparse.B.setFromTriplets(B.begin(), B.end());
   sparse.N.setFromTriplets(N.begin(), N.end());

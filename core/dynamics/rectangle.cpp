@@ -115,6 +115,11 @@ SymmetricLine symmetric_line(const GridLine& line) {
 
 bool advects(const GridLine& line) { return line.advection != 0; }
 
+// Whether a line and its constraints are the same from both ends.
+bool sides_are_alike(const Rectangle& r) {
+  return r.far_b == r.b && r.far_n == r.n && r.across.first == r.across.last && !advects(r.across);
+}
+
 // The slowest first.
 std::vector<GridLine> directions(const Rectangle& r) {
   std::vector<GridLine> all{r.along};
@@ -181,11 +186,13 @@ Index Rectangle::lines() const {
 
 std::optional<KroneckerDynamics> Rectangle::in_modes() const {
   const std::vector<GridLine> all = directions(*this);
-  if (sides() == 2 || any(all, advects)) return std::nullopt;
-  const bool plain = reaction == 0 && !any(all, [](const GridLine& line) { return line.first || line.last; });
+  const bool two = sides() == 2;
+  if ((two && !sides_are_alike(*this)) || any(all, advects)) return std::nullopt;
+  const bool plain = reaction == 0 && !two && !any(all, [](const GridLine& line) { return line.first || line.last; });
   if (!plain && states() <= largest_dense) return std::nullopt;
   KroneckerDynamics d{difference(along), difference(across), b, n};
   for (const GridLine& line : beside) d.beside.push_back(difference(line));
+  d.both_faces = two;
   if (plain) return d;
   d.across.decay = reaction;
   return decaying(std::move(d));
@@ -193,7 +200,8 @@ std::optional<KroneckerDynamics> Rectangle::in_modes() const {
 
 std::optional<SymmetricForm> Rectangle::symmetric_form() const {
   const std::vector<GridLine> all = directions(*this);
-  if (sides() == 2 || states() <= largest_dense || !any(all, advects)) return std::nullopt;
+  const bool two = sides() == 2;
+  if ((two && !sides_are_alike(*this)) || states() <= largest_dense || !any(all, advects)) return std::nullopt;
   std::vector<SecondDifference> differences;
   Vector x = Vector::Ones(1), y;
   for (const GridLine& line : all) {
@@ -209,6 +217,8 @@ std::optional<SymmetricForm> Rectangle::symmetric_form() const {
   KroneckerDynamics d{differences.front(), differences.back(), b.cwiseQuotient(factors), n.cwiseProduct(factors)};
   d.beside.assign(differences.begin() + 1, differences.end() - 1);
   d.across.decay += reaction;
+  d.both_faces = two;
+  if (two) y = y.replicate(2, 1).eval();
   auto modes = decaying(std::move(d));
   return modes ? std::optional(SymmetricForm{std::move(*modes), x, y}) : std::nullopt;
 }

@@ -50,9 +50,10 @@ struct Rectangle {
   Index lines() const;
   Index states() const { return lines() * across.points; }
   Index sides() const { return far_b.size() > 0 ? 2 : 1; }
-  /// KroneckerDynamics with the same A, or nothing. It takes diffusion without advection, constraints on one side, and
-  /// no growth. With other than Dirichlet ends, or a reaction, it pays above 512 states; smaller scenes are dense,
-  /// which all methods take.
+  /// KroneckerDynamics with the same A, or nothing. It takes diffusion without advection and no growth, constraints on
+  /// one side, or on two that are alike: far_b = b, far_n = n, and equal conditions at both ends of `across`. With two
+  /// sides, other than Dirichlet ends, or a reaction, it pays above 512 states; smaller scenes are dense, which all
+  /// methods take.
   std::optional<KroneckerDynamics> in_modes() const;
   /// With constant advection: what makes the directions symmetric (SymmetricForm), or nothing. Its factors, along a
   /// direction of length L from e^{-vL/(4c)} to e^{vL/(4c)}, differ by a thousand at most, that is three digits. An end

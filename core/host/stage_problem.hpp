@@ -12,17 +12,17 @@
 namespace bromwich {
 
 /// A Kronecker sum in sine modes, with one state for each rate of each mode:
-///     z_kl' = (s_k + mu_l) z_kl + i_k S (y + phi),   S N x = Σ_k o_k z_kl.
+///     z_kl' = (s_k + mu_l) z_kl + i_kl S (y + phi),   S N x = Σ_k o_kl z_kl.
 /// Rates are the eigenvalues of a line, and z the state in modes, or fewer ones that represent the transfer function of
 /// a line (core/kernel/transfer_fit.hpp); the state is not known then.
 struct ModalStages {
-  FaceBasis face;        ///< V
-  Vector along;          ///< n: mu
-  Vector rates;          ///< K: s
-  Vector input, output;  ///< K: i, o
-  RowMatrix start;       ///< K x n: z(0)
-  Matrix across;         ///< K x K: the modes of a line in its columns; only where states are recorded
-  double direct = 0;     ///< n^T b of a line: N B = direct I
+  FaceBasis face;           ///< V
+  Vector along;             ///< n: mu
+  Vector rates;             ///< K: s
+  RowMatrix input, output;  ///< K x n: i, o
+  RowMatrix start;          ///< K x n: z(0)
+  Matrix across;            ///< K x K: the modes of a line in its columns; only where states are recorded
+  double direct = 0;        ///< n^T b of a line: N B = direct I
   bool has_state = true;
 };
 

@@ -42,9 +42,9 @@ class ModalStageStep final : public StageStep {
           throw Error("steps", "a step is singular: h meets an eigenvalue of A", "use another number of steps");
         for (Index i = 0; i < s; ++i) {
           see_[i](k, l) = c.real(c.v[i] * c.start / h * r);
-          drive_[i](k, l) = modal_.input[k] * c.real(c.v[s - 1] * c.w[i] * r);
+          drive_[i](k, l) = modal_.input(k, l) * c.real(c.v[s - 1] * c.w[i] * r);
           for (Index j = 0; j < s; ++j)
-            implicit(i * s + j, l) += modal_.output[k] * modal_.input[k] * c.real(c.v[i] * c.w[j] * r);
+            implicit(i * s + j, l) += modal_.output(k, l) * modal_.input(k, l) * c.real(c.v[i] * c.w[j] * r);
         }
       }
     in_modes_ = implicit;
@@ -61,8 +61,9 @@ class ModalStageStep final : public StageStep {
     seen_.setZero(n_, s);
     for (Index k = 0; k < K_; ++k) {
       next.row(k).array() = see_[s - 1].row(k).array() * z.row(k).array();
-      seen_.col(s - 1).array() += modal_.output[k] * next.row(k).transpose().array();
-      if (s == 2) seen_.col(0).array() += modal_.output[k] * (see_[0].row(k).array() * z.row(k).array()).transpose();
+      const auto output = modal_.output.row(k).array();
+      seen_.col(s - 1).array() += (output * next.row(k).array()).transpose();
+      if (s == 2) seen_.col(0).array() += (output * see_[0].row(k).array() * z.row(k).array()).transpose();
     }
     if (phi_.size() > 0) {
       for (Index i = 0; i < s; ++i) inputs_[i] = phi_.row(j).segment(i * n_, n_).transpose();

@@ -21,7 +21,7 @@ bool end_alike(const Vector& x, const Vector& one, const Vector& other) {
 
 Vector seen_in_modes(const ModalStages& modal, const Vector& x) {
   const Eigen::Map<const RowMatrix> z(x.data(), modal.rates.size(), modal.along.size());
-  return z.transpose() * modal.output;
+  return z.cwiseProduct(modal.output).colwise().sum().transpose();
 }
 
 StageSteps::StageSteps(const StageProblem& p)

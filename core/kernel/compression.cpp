@@ -13,9 +13,9 @@ namespace bromwich {
 
 namespace {
 
-// k(t) = n^T e^{across t} b at ascending times, with one contour per window of ratio 5.
-Vector line_kernel(const KroneckerDynamics& d, const ContourParameters& parameters, const Vector& times) {
-  const LineTransfer transfer(d.across, d.n, d.b);
+// k(t) = n^T e^{across t} b of one family at ascending times, with one contour per window of ratio 5.
+Vector line_kernel(const KroneckerDynamics& d, Index family, const ContourParameters& parameters, const Vector& times) {
+  const LineTransfer transfer(d.across, d.n, d.input(family));
   Vector values(times.size());
   for (Index i = 0; i < times.size();) {
     const Contour contour = window_contour(parameters, times[i]);
@@ -32,6 +32,12 @@ Vector line_kernel(const KroneckerDynamics& d, const ContourParameters& paramete
       values[i] = sum;
     }
   }
+  return values;
+}
+
+Matrix line_kernels(const KroneckerDynamics& d, const ContourParameters& parameters, const Vector& times) {
+  Matrix values(times.size(), d.families());
+  for (Index f = 0; f < d.families(); ++f) values.col(f) = line_kernel(d, f, parameters, times);
   return values;
 }
 
@@ -102,8 +108,8 @@ ExponentialSum compress_line_kernel(const KroneckerDynamics& dynamics, double h,
   const Index candidates = 24 + Index(12 * std::log(fastest / slowest));
   Vector rates = dynamics.across.points <= candidates ? nu : Vector(-logarithmic(slowest, fastest, candidates));
   const auto [times, checks] = sample_times(h, T);
-  const Vector values = line_kernel(dynamics, *parameters, times),
-               check_values = line_kernel(dynamics, *parameters, checks);
+  const Matrix values = line_kernels(dynamics, *parameters, times),
+               check_values = line_kernels(dynamics, *parameters, checks);
   const double scale = std::max(values.cwiseAbs().maxCoeff(), 1e-300);
 
   const Matrix all = exponentials(times, rates);
@@ -117,10 +123,10 @@ ExponentialSum compress_line_kernel(const KroneckerDynamics& dynamics, double h,
   // One factorization serves all numbers of rates: the first K columns of Q R are those of the first K rates.
   const Vector picked = rates(order);
   const Eigen::HouseholderQR<Matrix> qr(all(Eigen::all, order));
-  const Vector projected = qr.householderQ().adjoint() * values;
+  const Matrix projected = qr.householderQ().adjoint() * values;
   const Matrix check = exponentials(checks, picked);
   for (Index K = fewest; K <= picked.size(); K += 2) {
-    const Vector c = qr.matrixQR().topLeftCorner(K, K).triangularView<Eigen::Upper>().solve(projected.head(K));
+    const Matrix c = qr.matrixQR().topLeftCorner(K, K).triangularView<Eigen::Upper>().solve(projected.topRows(K));
     const double error = (check.leftCols(K) * c - check_values).cwiseAbs().maxCoeff() / scale;
     const bool good = best.error <= accepted_compression_error;
     const double pays = good ? std::pow(gain_of_a_rate, double(best.rates.size() - K)) : 1;
@@ -155,6 +161,7 @@ InitialFit fit_initial_response(Backend& backend, const KroneckerDynamics& dynam
 
 InitialProjection::InitialProjection(Backend& backend, const KroneckerDynamics& dynamics, const RowMatrix& P)
     : backend_(backend),
+      dynamics_(dynamics),
       P_(backend.array(P.rows(), P.cols())),
       values_(backend.array(P.rows(), dynamics.face_points())),
       modes_(backend.array(P.rows(), dynamics.face_points())),
@@ -163,7 +170,7 @@ InitialProjection::InitialProjection(Backend& backend, const KroneckerDynamics& 
 }
 
 const Array& InitialProjection::operator()(const Vector& x0) {
-  backend_.upload_projection(x0, *P_, *values_);
+  backend_.upload_projection(dynamics_.views(x0), *P_, *values_);
   to_modes_->apply(*values_, nullptr, *modes_, 0);
   return *modes_;
 }
@@ -171,7 +178,8 @@ const Array& InitialProjection::operator()(const Vector& x0) {
 double initial_error(Backend& backend, const KroneckerDynamics& dynamics, const InitialFit& fit, const Vector& x0) {
   const double most = between_samples * fit.missed.maxCoeff();
   if (most <= accepted_compression_error) return most;
-  const Eigen::Map<const RowMatrix> lines(x0.data(), dynamics.face_points(), dynamics.across.points);
+  const Vector views = dynamics.views(x0);
+  const Eigen::Map<const RowMatrix> lines(views.data(), dynamics.face_points(), dynamics.across.points);
   const Vector parts =
       fit.seen.cwiseAbs().cwiseProduct(in_line_modes(backend, dynamics.across, lines).colwise().norm().transpose());
   const double size = parts.sum();
@@ -195,6 +203,7 @@ std::optional<ModalRecurrence> started(const ModalRecurrence& r, const RowMatrix
 ModalRecurrence compressed_recurrence(Backend& backend, const KroneckerDynamics& dynamics, const ExponentialSum& sum,
                                       double h) {
   const Index n = dynamics.face_points(), K = sum.rates.size();
+  const Index lines = dynamics.lines();
   const Vector mu = dynamics.face_eigenvalues();
   ModalRecurrence r;
   r.face = dynamics.face_basis();
@@ -204,7 +213,8 @@ ModalRecurrence compressed_recurrence(Backend& backend, const KroneckerDynamics&
   for (Index k = 0; k < K; ++k) {
     const auto [exponential, phi1, phi2] = array_phi(h * (mu.array() + sum.rates[k]));
     r.decay.row(k) = exponential;
-    r.output.row(k) = h * sum.coefficients[k] * phi1.square();
+    for (Index f = 0; f < dynamics.families(); ++f)
+      r.output.row(k).segment(f * lines, lines) = h * sum.coefficients(k, f) * phi1.segment(f * lines, lines).square();
     r.start.row(k) = (phi1 - phi2) / phi1.square();
   }
   const LagTable near = contour_lag_table(backend, dynamics, *contour_parameters(0), h, 1);

@@ -13,7 +13,7 @@ namespace bromwich {
 
 struct ExponentialSum {
   Vector rates;         ///< K, each <= 0, 1/time
-  Vector coefficients;  ///< K
+  Matrix coefficients;  ///< K x families of lines (KroneckerDynamics)
   double error = 0;     ///< max |k(t) - Σ c_k e^{s_k t}| over check points between the samples, relative to max |k|
 };
 
@@ -37,6 +37,7 @@ class InitialProjection {
 
  private:
   Backend& backend_;
+  KroneckerDynamics dynamics_;
   std::unique_ptr<Array> P_, values_, modes_;
   std::unique_ptr<RowTransform> to_modes_;
 };

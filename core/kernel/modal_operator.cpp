@@ -152,7 +152,7 @@ class ModalOperator : public TimeOperator {
       }
       return;
     }
-    const Vector b = dynamics_.across.in_modes(dynamics_.b);
+    const Matrix b = dynamics_.inputs_in_modes();
     if (b.cwiseAbs().minCoeff() > 1e-10 * b.cwiseAbs().maxCoeff()) {
       recurrence.initial =
           modal_start(recurrence, dynamics_, rule, p_.h, x0_in_modes(p_.backend, dynamics_, p_.scene.x0, true));
@@ -199,7 +199,9 @@ class ModalOperator : public TimeOperator {
   // represent x0, whose response would have to be stepped.
   std::optional<MarchData> compressed_euler(bool chosen) {
     if (!chosen && !p_.scene.x0.isZero(0)) return std::nullopt;
-    const LineTransfer line(dynamics_.across, dynamics_.n, dynamics_.b);
+    std::vector<LineTransfer> line;
+    for (Index f = 0; f < dynamics_.families(); ++f)
+      line.emplace_back(dynamics_.across, dynamics_.n, dynamics_.input(f));
     const PoleSum fit = fit_line(dynamics_, false, p_.h, p_.scene.T);
     const Vector mu = dynamics_.face_eigenvalues();
     const Index n = mu.size(), K = fit.rates.size();
@@ -212,11 +214,12 @@ class ModalOperator : public TimeOperator {
     r.w0.resize(n);
     r.w1 = r.s1 = Vector::Zero(n);
     for (Index l = 0; l < n; ++l) {
-      r.w0[l] = line(1 / p_.h - mu[l]).real();
+      const Index family = dynamics_.family(l);
+      r.w0[l] = line[std::size_t(family)](1 / p_.h - mu[l]).real();
       for (Index k = 0; k < K; ++k) {
         const double E = 1 / (1 - p_.h * (fit.rates[k] + mu[l]));
         r.decay(k, l) = E;
-        r.output(k, l) = fit.coefficients(k, 0) * p_.h * E * E;
+        r.output(k, l) = fit.coefficients(k, family) * p_.h * E * E;
       }
     }
     return MarchData{.weights = std::make_shared<Weights>(Recurrence(std::move(r))),

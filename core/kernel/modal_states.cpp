@@ -18,7 +18,8 @@ struct ModalStep {
 
 ModalStep modal_step(const KroneckerDynamics& d, Rule rule, double h) {
   const Index n = d.face_points(), K = d.across.points;
-  const Vector mu = d.face_eigenvalues(), nu = d.across.eigenvalues(), b = d.across.in_modes(d.b);
+  const Vector mu = d.face_eigenvalues(), nu = d.across.eigenvalues();
+  const Matrix b = d.inputs_in_modes();
   ModalStep step{RowMatrix(K, n), RowMatrix(K, n), RowMatrix(K, n)};
   for (Index k = 0; k < K; ++k)
     for (Index l = 0; l < n; ++l) {
@@ -26,8 +27,9 @@ ModalStep modal_step(const KroneckerDynamics& d, Rule rule, double h) {
       const bool exact = rule == Rule::exponential;
       const double p2 = exact ? phi2(x) : 0;
       step.decay(k, l) = exact ? std::exp(x) : 1 / (1 - x);
-      step.left(k, l) = exact ? h * b[k] * (phi1(x) - p2) : 0;
-      step.right(k, l) = exact ? h * b[k] * p2 : h * b[k] / (1 - x);
+      const double hb = h * b(k, d.family(l));
+      step.left(k, l) = exact ? hb * (phi1(x) - p2) : 0;
+      step.right(k, l) = exact ? hb * p2 : hb / (1 - x);
     }
   return step;
 }
@@ -66,7 +68,7 @@ RowMatrix modal_states(const DiscreteProblem& p, Rule rule, const RowMatrix& y, 
   RowMatrix states(p.J + 1, Index(components.size()));
   for (std::size_t c = 0; c < components.size(); ++c) {
     const auto at = std::lower_bound(positions.begin(), positions.end(), components[c] % K) - positions.begin();
-    states.col(Index(c)) = seen[std::size_t(at)].col(components[c] / K);
+    states.col(Index(c)) = seen[std::size_t(at)].col(components[c] / K);  // of two faces: the view from the first one
     states(0, Index(c)) = p.scene.x0[components[c]];
   }
   return states;

@@ -14,7 +14,7 @@ namespace {
 
 constexpr double largest_node = 8, smallest_node = 0.3;  ///< times 1/h and 1/T
 constexpr double bend_length = 20, bend_angle = 140 * std::numbers::pi / 180;
-constexpr double nodes_per_fold = 2.85;  ///< on the imaginary axis, for a factor of e
+constexpr double nodes_per_fold = 2.7;  ///< on the imaginary axis, for a factor of e
 constexpr Index arc_nodes = 5, bend_nodes = 6, lanes = 8;
 constexpr Index candidates = 240;
 constexpr double slowest_candidate = 0.3, fastest_candidate = 300;  ///< times 1/T and 1/h

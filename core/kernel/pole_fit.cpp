@@ -67,7 +67,7 @@ Directions find_directions(const DiscreteProblem& p, const Samples& s, const Fit
   Directions d{Matrix::Zero(n, n), std::vector<Index>(std::size_t(K), n)};
   Index known = 0;
   for (Index k = 0; k < K && -poles[k] * p.h < 1; ++k) {
-    known = add_directions(kernel_at(-1 / poles[k]), level, d.P, known);
+    if (known < n) known = add_directions(kernel_at(-1 / poles[k]), level, d.P, known);
     d.count[std::size_t(k)] = known;
   }
   const Eigen::HouseholderQR<Matrix> qr(d.P.leftCols(known));

@@ -38,7 +38,8 @@ ScalarRule euler_rule(double x, double h) {
 ModalRecurrence modal_recurrence(const KroneckerDynamics& dynamics, Rule rule, double h, const RowMatrix& x0_modal) {
   const Index n = dynamics.face_points(), K = dynamics.across.points;
   const Vector mu = dynamics.face_eigenvalues(), nu = dynamics.across.eigenvalues();
-  const Vector b = dynamics.across.in_modes(dynamics.b), seen = dynamics.across.in_modes(dynamics.n);
+  const Vector seen = dynamics.across.in_modes(dynamics.n);
+  const Matrix b = dynamics.inputs_in_modes();
   ModalRecurrence r;
   r.face = dynamics.face_basis();
   r.decay.resize(K, n);
@@ -50,9 +51,10 @@ ModalRecurrence modal_recurrence(const KroneckerDynamics& dynamics, Rule rule, d
       const double x = h * (mu[l] + nu[k]);
       const ScalarRule s = rule == Rule::exponential ? exponential_rule(x, h) : euler_rule(x, h);
       r.decay(k, l) = s.decay;
-      r.output(k, l) = seen[k] * b[k] * s.output;
+      const double weight = seen[k] * b(k, dynamics.family(l));
+      r.output(k, l) = weight * s.output;
       r.start(k, l) = s.start;
-      r.w0[l] += seen[k] * b[k] * s.w0;
+      r.w0[l] += weight * s.w0;
     }
   }
   if (x0_modal.size() > 0) r.initial = modal_start(r, dynamics, rule, h, x0_modal);
@@ -61,8 +63,8 @@ ModalRecurrence modal_recurrence(const KroneckerDynamics& dynamics, Rule rule, d
 
 RowMatrix modal_start(const ModalRecurrence& r, const KroneckerDynamics& dynamics, Rule rule, double h,
                       const RowMatrix& x0_modal) {
-  const Vector mu = dynamics.face_eigenvalues(), nu = dynamics.across.eigenvalues(),
-               b = dynamics.across.in_modes(dynamics.b);
+  const Vector mu = dynamics.face_eigenvalues(), nu = dynamics.across.eigenvalues();
+  const Matrix b = dynamics.inputs_in_modes();
   if (b.cwiseAbs().minCoeff() <= 1e-12 * b.cwiseAbs().maxCoeff())
     throw Error("dynamics.b",
                 "a component of it in the modes of a line is zero, so that mode of x0 is not in the driven recurrence",
@@ -72,7 +74,7 @@ RowMatrix modal_start(const ModalRecurrence& r, const KroneckerDynamics& dynamic
     for (Index l = 0; l < mu.size(); ++l) {
       const double decay = r.decay(k, l), p1 = rule == Rule::exponential ? phi1(h * (mu[l] + nu[k])) : 1;
       const double unit = rule == Rule::exponential ? decay / (h * p1 * p1) : 1 / (h * decay);
-      initial(k, l) = x0_modal(l, k) * unit / b[k];
+      initial(k, l) = x0_modal(l, k) * unit / b(k, dynamics.family(l));
     }
   return initial;
 }

@@ -13,7 +13,8 @@ RowMatrix transformed(Backend& backend, const FaceBasis& basis, const RowMatrix&
 
 RowMatrix x0_in_modes(Backend& backend, const KroneckerDynamics& d, const Vector& x0, bool both) {
   // Transforms act on rows, so transpose for the directions of the face.
-  const Eigen::Map<const RowMatrix> lines(x0.data(), d.face_points(), d.across.points);
+  const Vector views = d.views(x0);
+  const Eigen::Map<const RowMatrix> lines(views.data(), d.face_points(), d.across.points);
   const RowMatrix modes = transformed(backend, d.face_basis(), lines.transpose(), Way::to_modes).transpose();
   return both ? in_line_modes(backend, d.across, modes) : modes;
 }

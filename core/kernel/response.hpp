@@ -15,7 +15,7 @@ RowMatrix transformed(Backend&, const FaceBasis&, const RowMatrix& rows, Way);
 RowMatrix in_line_modes(Backend&, const SecondDifference& across, const RowMatrix& lines);
 RowMatrix from_line_modes(Backend&, const SecondDifference& across, const RowMatrix& modes);
 
-/// x0 in modes, along the face only (`both` = false) or across it too: n x across.points.
+/// x0 in modes, along the face only (`both` = false) or across it too: n x across.points. Of two faces: its views.
 RowMatrix x0_in_modes(Backend&, const KroneckerDynamics&, const Vector& x0, bool both);
 
 /// x_j of x' = A x + u, (J+1) x m, row 0 = x0. u is piecewise linear on the grid (exponential) or sampled at the right

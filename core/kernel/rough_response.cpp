@@ -46,7 +46,8 @@ void each_rough_state(const DiscreteProblem& p, Index last,
 
 RowMatrix modal_defect(const DiscreteProblem& p, const RoughStep& rough) {
   const KroneckerDynamics& d = *p.modes();
-  const Vector mu = d.face_eigenvalues(), nu = d.across.eigenvalues(), b = d.across.in_modes(d.b);
+  const Vector mu = d.face_eigenvalues(), nu = d.across.eigenvalues();
+  const Matrix b = d.inputs_in_modes();
   RowMatrix e = RowMatrix::Zero(nu.size(), mu.size());
   const std::vector<Matrix> pieces = beyond_linear(p, rough);
   for (std::size_t i = 0; i < pieces.size(); ++i) {
@@ -58,7 +59,7 @@ RowMatrix modal_defect(const DiscreteProblem& p, const RoughStep& rough) {
       for (Index l = 0; l < mu.size(); ++l) {
         const double z = length * (nu[k] + mu[l]);
         e(k, l) = std::exp(z) * e(k, l) +
-                  b[k] * length * (phi(1, z) * c(0, l) + phi(2, z) * c(1, l) + 2 * phi(3, z) * c(2, l));
+                  b(k, d.family(l)) * length * (phi(1, z) * c(0, l) + phi(2, z) * c(1, l) + 2 * phi(3, z) * c(2, l));
       }
   }
   return e;

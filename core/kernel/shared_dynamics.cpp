@@ -44,7 +44,10 @@ PreparationCounts operator+(PreparationCounts a, const PreparationCounts& b) {
 }  // namespace
 
 double KernelFit::error_from(double h) const {
-  const auto size = [&](double t) { return std::abs(sum.coefficients.dot((t * sum.rates.array()).exp().matrix())); };
+  if (sum.rates.size() == 0) return sum.error;  // the kernel has decayed at t = h
+  const auto size = [&](double t) {
+    return (sum.coefficients.transpose() * (t * sum.rates.array()).exp().matrix()).cwiseAbs().maxCoeff();
+  };
   const double of_fit = size(from), of_grid = size(h);
   return of_grid > 0 && of_grid < of_fit ? sum.error * of_fit / of_grid : sum.error;
 }

@@ -30,13 +30,18 @@ RowMatrix lines_at(const DiscreteProblem& p, const std::vector<LagWindow>& windo
   const KroneckerDynamics& d = *p.modes();
   const Vector mu = d.face_eigenvalues();
   RowMatrix lines = RowMatrix::Zero(mu.size(), d.across.points);
+  std::vector<Vector> inputs;
+  for (Index f = 0; f < d.families(); ++f) inputs.push_back(d.input(f));
   for (const LagWindow& window : windows) {
     if (window.first > j) break;
     const ComplexMatrix sums = past_inputs(window, u, j);
     for (Index l = 0; l < mu.size(); ++l)
       for (Index q = 0; q < sums.rows(); ++q)
         // zI - across is symmetric: the solution on a grid line with right-hand side b is its Green's row.
-        lines.row(l) += (sums(q, l) * green_row(d.across, d.b, window.contour.nodes[q] - mu[l])).real().transpose();
+        lines.row(l) +=
+            (sums(q, l) * green_row(d.across, inputs[std::size_t(d.family(l))], window.contour.nodes[q] - mu[l]))
+                .real()
+                .transpose();
   }
   return lines;
 }
@@ -73,7 +78,7 @@ Matrix kronecker_states_at(const DiscreteProblem& p, const RowMatrix& y, const s
     if (const auto more = rough.find(j); more != rough.end()) free += more->second;
     const RowMatrix lines = from_line_modes(p.backend, d.across, free) + lines_at(p, windows, u, j);
     const RowMatrix grid = transformed(p.backend, p.face(), lines.transpose(), Way::to_points).transpose();
-    x.col(Index(c)) = Eigen::Map<const Vector>(grid.data(), grid.size());
+    x.col(Index(c)) = Eigen::Map<const Vector>(grid.data(), x.rows());  // of two faces: the view from the first one
   }
   return x;
 }

@@ -175,12 +175,16 @@ PoleSum fit_poles(const TransferFunctions& f, Index functions, const FitRegion& 
 }
 
 PoleSum fit_line(const KroneckerDynamics& d, bool radau, double h, double T) {
-  const LineTransfer line(d.across, d.n, d.b);
-  const TransferFunctions transfer = [&line](Complex z) -> ComplexVector {
-    return ComplexVector::Constant(1, line(z));
+  std::vector<LineTransfer> lines;
+  for (Index f = 0; f < d.families(); ++f) lines.emplace_back(d.across, d.n, d.input(f));
+  const TransferFunctions transfer = [&lines](Complex z) -> ComplexVector {
+    ComplexVector values(Index(lines.size()));
+    for (Index f = 0; f < values.size(); ++f) values[f] = lines[std::size_t(f)](z);
+    return values;
   };
   const Vector mu = d.face_eigenvalues(), nu = d.across.eigenvalues();
-  return fit_poles(transfer, 1, {radau, h, T, -mu.maxCoeff(), -mu.minCoeff()}, -nu.maxCoeff(), -nu.minCoeff(), false);
+  return fit_poles(transfer, d.families(), {radau, h, T, -mu.maxCoeff(), -mu.minCoeff()}, -nu.maxCoeff(),
+                   -nu.minCoeff(), false);
 }
 
 }  // namespace bromwich

@@ -42,7 +42,7 @@ using TransferFunctions = std::function<ComplexVector(Complex z)>;
 PoleSum fit_poles(const TransferFunctions&, Index functions, const FitRegion&, double slowest, double fastest,
                   bool grows, double tolerance = 1e-13);
 
-/// The transfer function of a grid line by few poles with rates in its spectrum, for steps h up to T.
+/// The transfer function of a grid line, of each family, by few poles with rates in its spectrum, for steps h up to T.
 PoleSum fit_line(const KroneckerDynamics&, bool radau, double h, double T);
 
 inline constexpr double accepted_fit_error = 1e-10;  ///< up to which a fit may replace exact values

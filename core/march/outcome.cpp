@@ -71,6 +71,32 @@ Start ProblemAtZero::solve(Result& result, Vector& y0) const {
   return Start::none;
 }
 
+namespace {
+
+// A constraint that nothing moves, or whose y moves nothing; empty if there is none.
+std::string idle_constraint(const DiscreteProblem& p) {
+  const Index n = p.scene.constraints();
+  Vector seen = Vector::Zero(n), driven = seen;
+  const auto add = [](const SparseMatrix& matrix, Vector* rows, Vector* columns) {
+    for (Index c = 0; c < matrix.outerSize(); ++c)
+      for (SparseMatrix::InnerIterator e(matrix, c); e; ++e) {
+        if (rows) (*rows)[e.row()] += std::abs(e.value());
+        if (columns) (*columns)[c] += std::abs(e.value());
+      }
+  };
+  add(p.scene.dynamics->outputs(), &seen, nullptr);
+  add(p.scene.dynamics->inputs(), nullptr, &driven);
+  const auto* sparse = sparse_of(p.scene.M);
+  add(sparse ? *sparse : SparseMatrix(to_dense(p.scene.M).sparseView(0, 0)), &seen, &driven);
+  for (Index i = 0; i < n; ++i) {
+    if (seen[i] == 0) return text("row %td of N and of M is zero, so that w is g there, whatever y is", i);
+    if (driven[i] == 0) return text("column %td of B and of M is zero, so that y moves nothing there", i);
+  }
+  return "";
+}
+
+}  // namespace
+
 void explain_stop(const DiscreteProblem& p, const MarchReport& report, Result& result) {
   const std::string where = text("t = %.6g", p.t[report.stopped]);
   if (report.interrupted) {
@@ -90,8 +116,9 @@ void explain_stop(const DiscreteProblem& p, const MarchReport& report, Result& r
                     "; M is of no known class: with another solution of an earlier step it may go on";
   } else {
     result.status = Status::tolerance_not_met;
-    result.reason =
-        "the complementarity problem of the step to " + where + " stayed unsolved; try other steps or another method";
+    const std::string idle = idle_constraint(p);
+    result.reason = "the complementarity problem of the step to " + where + " stayed unsolved" +
+                    (idle.empty() ? "; try other steps or another method" : ": " + idle);
   }
 }
 

@@ -162,6 +162,9 @@ bool takes_limits_at_points(const DiscreteProblem& p, const StageGrid& grid) {
   return !grid.lengths.empty() && takes_limits_at_points(p);
 }
 
+// Whether N B is a multiple of the identity: y of one face is not seen at once at the other one.
+bool acts_alone(const KroneckerDynamics& d) { return !d.both_faces || d.n.dot(d.b.reverse()) == 0; }
+
 // The modes of a Kronecker sum: all eigenvalues of a line, or few poles of its transfer function if no states are
 // requested, x0 is zero and all steps have one length.
 std::shared_ptr<const ModalStages> modal_stages(const DiscreteProblem& p, Index stages, RecurrenceChoice choice,
@@ -179,8 +182,8 @@ std::shared_ptr<const ModalStages> modal_stages(const DiscreteProblem& p, Index 
     const PoleSum fit = fit_line(d, stages == 2, p.h, p.scene.T);
     if (fit.error <= accepted_compression_error && (chosen || 2 * fit.rates.size() <= nu.size())) {
       modal->rates = fit.rates;
-      modal->input = Vector::Ones(fit.rates.size());
-      modal->output = fit.coefficients.col(0);
+      modal->input = RowMatrix::Ones(fit.rates.size(), modal->along.size());
+      modal->output = d.of_modes(fit.coefficients);
       modal->start = RowMatrix::Zero(fit.rates.size(), modal->along.size());
       modal->has_state = false;
       return modal;
@@ -188,8 +191,8 @@ std::shared_ptr<const ModalStages> modal_stages(const DiscreteProblem& p, Index 
   }
   modal->rates = nu;
   if (!p.components.empty()) modal->across = d.across.modes();
-  modal->input = d.across.in_modes(d.b);
-  modal->output = d.across.in_modes(d.n);
+  modal->input = d.of_modes(d.inputs_in_modes());
+  modal->output = d.of_modes(d.across.in_modes(d.n));
   modal->start = x0_in_modes(p.backend, d, p.scene.x0, true).transpose();
   return modal;
 }
@@ -197,7 +200,8 @@ std::shared_ptr<const ModalStages> modal_stages(const DiscreteProblem& p, Index 
 void state_problem(const DiscreteProblem& p, const StageGrid& grid, Index stages, const Options& options,
                    Given& given) {
   StageProblem& problem = given.problem;
-  const bool in_modes = p.modes() && p.modes()->beside.empty() && (p.f.size() == 0 || p.drive());
+  const bool in_modes =
+      p.modes() && p.modes()->beside.empty() && acts_alone(*p.modes()) && (p.f.size() == 0 || p.drive());
   if (p.modes() && !in_modes) given.written_out = to_sparse(*p.modes());
   problem.dynamics = p.modes() && !in_modes ? &given.written_out : &p.scene.dynamics;
   problem.modal = in_modes ? modal_stages(p, stages, options.tuning.recurrence, grid) : nullptr;

@@ -1,8 +1,12 @@
 #include "core/numerics/elimination.hpp"
 
+#include "core/numerics/nested_dissection.hpp"
+
 #include <Eigen/OrderingMethods>
 
 #include <algorithm>
+#include <numeric>
+#include <utility>
 
 namespace bromwich {
 
@@ -138,22 +142,35 @@ void measure(Elimination& e) {
   }
 }
 
-// Approximate minimum degree, then a postorder of the elimination tree.
-std::vector<int> elimination_order(const SparseMatrix& A) {
-  Eigen::PermutationMatrix<Eigen::Dynamic, Eigen::Dynamic, int> by_degree;
-  Eigen::AMDOrdering<int>()(A, by_degree);
-  const std::vector<int> given(by_degree.indices().begin(), by_degree.indices().end());
-  std::vector<int> order = postorder(elimination_tree(symmetric_pattern(A, given)));
+using Order = std::vector<int>;
+
+Order by_degree(const SparseMatrix& A) {
+  Eigen::PermutationMatrix<Eigen::Dynamic, Eigen::Dynamic, int> found;
+  Eigen::AMDOrdering<int>()(A, found);
+  return {found.indices().begin(), found.indices().end()};
+}
+
+Order by_dissection(const SparseMatrix& A) {
+  Order as_given(std::size_t(A.rows()));
+  std::iota(as_given.begin(), as_given.end(), 0);
+  const Pattern S = symmetric_pattern(A, as_given);
+  const int* const start = S.outerIndexPtr();
+  const int* const neighbour = S.innerIndexPtr();
+  return nested_dissection({{start, start + S.cols() + 1}, {neighbour, neighbour + S.nonZeros()}});
+}
+
+// A postorder of the elimination tree: the same fill, and columns of a front are next to each other.
+Order in_postorder(const SparseMatrix& A, const Order& given) {
+  Order order = postorder(elimination_tree(symmetric_pattern(A, given)));
   for (int& position : order) position = given[std::size_t(position)];
   return order;
 }
 
-}  // namespace
-
-Elimination analyse(const SparseMatrix& A, const SparseMatrix& B, const SparseMatrix& N, Index dense_inputs) {
+Elimination in_order(Order order, const SparseMatrix& A, const SparseMatrix& B, const SparseMatrix& N,
+                     Index dense_inputs) {
   Elimination e;
   const Index m = A.rows();
-  e.order = elimination_order(A);
+  e.order = std::move(order);
   const Pattern S = symmetric_pattern(A, e.order);
   const std::vector<int> parent = elimination_tree(S);
   const std::vector<Index> starts = front_starts(parent, column_counts(S, parent));
@@ -191,6 +208,16 @@ Elimination analyse(const SparseMatrix& A, const SparseMatrix& B, const SparseMa
   }
   measure(e);
   return e;
+}
+
+}  // namespace
+
+Elimination analyse(const SparseMatrix& A, const SparseMatrix& B, const SparseMatrix& N, Index dense_inputs) {
+  constexpr double worth_dissecting = 1000;  // products a state: they take about as long as the dissection then
+  Elimination found = in_order(in_postorder(A, by_degree(A)), A, B, N, dense_inputs);
+  if (found.products < worth_dissecting * double(A.rows())) return found;
+  Elimination other = in_order(in_postorder(A, by_dissection(A)), A, B, N, dense_inputs);
+  return other.products < found.products ? other : found;
 }
 
 }  // namespace bromwich

@@ -10,7 +10,8 @@
 //     outputs  [    L       C     result ]      front, which are few for sparse B and N.
 //
 // The update matrix C stays on a stack until the front of its parent is assembled (Duff, Reid, ACM TOMS 9, 1983; Liu,
-// SIAM Review 34, 1992). Order: approximate minimum degree, then a postorder of the elimination tree.
+// SIAM Review 34, 1992). Order: approximate minimum degree or nested dissection, whichever needs fewer products, then a
+// postorder of the elimination tree.
 
 #include "../base/types.hpp"
 

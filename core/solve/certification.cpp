@@ -6,6 +6,8 @@
 #include "core/kernel/resolution.hpp"
 #include "core/kernel/ringing.hpp"
 
+#include <Eigen/SparseCholesky>
+
 #include <algorithm>
 #include <cmath>
 
@@ -53,6 +55,15 @@ void demote(Result& result, const std::string& reason) {
   result.reason = reason;
 }
 
+// Whether E is symmetric, and not positive definite.
+bool has_indefinite_mass(const DiscreteProblem& p) {
+  const SparseDynamics* d = p.scene.dynamics->matrices();
+  if (!d || d->E.rows() == 0) return false;
+  const SparseMatrix transposed = d->E.transpose();
+  return (d->E - transposed).norm() <= 16 * epsilon * d->E.norm() &&
+         Eigen::SimplicialLLT<SparseMatrix>(d->E).info() != Eigen::Success;
+}
+
 }  // namespace
 
 double residual_limit(bool iterated, const Result& result, const Options& options) {
@@ -93,11 +104,12 @@ void Certification::certify(Method method, Result& result) {
                                std::min(m.rounding, 1.0)));
   }
   if (m.correction > most_correction)
-    return demote(result, text("y and the states that it leads to part by %.1e of y, because the free state grows: "
-                               "use method march",
-                               m.correction));
+    return demote(result, text("y and the states that it leads to part by %.1e of y, because the free state grows: %s",
+                               m.correction, method == Method::march ? "use more steps" : "use method march"));
+  const bool rational = by_euler(method, result) || !result.continuous;
   if (options_.compares_grids) {  // the next grid is half the step
     resolve_modes(method, m.x, result);
+    if (rational && result.status == Status::solved) doubt_growth(method, growth_rate(p), result);
     if (result.status == Status::solved) look_for_other_solutions(result);
     return;
   }
@@ -108,6 +120,7 @@ void Certification::certify(Method method, Result& result) {
   }
   confirm(method, m, result);
   if (result.status == Status::solved) resolve_modes(method, m.x, result);
+  if (rational && result.status == Status::solved) doubt_growth(method, growth_rate(p), result);
   if (result.status == Status::solved) doubt_many_jumps(method, result);
   if (result.status == Status::solved) look_for_other_solutions(result);
 }
@@ -192,6 +205,21 @@ void Certification::resolve_modes(Method method, const RowMatrix& known, Result&
     demote(result, words + "; use more steps");
   } else {
     add_warning(result, words);
+  }
+}
+
+// Rules that are stable for all modes that decay damp fast ones that grow, too.
+void Certification::doubt_growth(Method method, double rate, Result& result) {
+  constexpr double followed = 0.25;  // h times the rate
+  const DiscreteProblem& p = methods_.problem();
+  const std::string why = text("the scene has a mode that grows like e^(%.3g t)", rate) +
+                          (has_indefinite_mass(p) ? " (E is not positive definite)" : "");
+  if (p.h * rate > followed) {
+    sensitive_ = true;
+    demote(result, why + text(", and steps of %.3g do not resolve it: use about %.0f steps", p.h,
+                              std::ceil(p.scene.T * rate / followed)));
+  } else if (!options_.compares_grids && p.scene.T * rate > std::log(doubtful_growth_with_jumps)) {
+    confirm_by_half_the_step(method, 1, why, result);
   }
 }
 

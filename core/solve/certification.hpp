@@ -34,6 +34,7 @@ class Certification {
   double true_residual(const Result&) const;
   void confirm(Method, const Magnification&, Result&);
   void resolve_modes(Method, const RowMatrix& x, Result&);
+  void doubt_growth(Method, double rate, Result&);
   void doubt_many_jumps(Method, Result&);
   void look_for_other_solutions(Result&);
   Result with_half_the_step(Method, Methods& half);

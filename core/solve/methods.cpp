@@ -43,9 +43,8 @@ std::string never_contracts(const DiscreteProblem& p, TimeOperator& op) {
     first = Eigen::Map<const RowMatrix>(table->W.row(0).data(), n, n).diagonal();
   const Vector own = diagonal(p.scene.M);
   if (first.size() != n || !(first.array() >= own.array()).all()) return "";
-  return text(
-      "no contact settles in sweeps: the first lag W_0 of the kernel outweighs M in every row, by %.2g and more",
-      (first.array() / own.array()).minCoeff());
+  const std::string why = "no contact settles in sweeps: the first lag W_0 of the kernel outweighs M in every row";
+  return own.minCoeff() > 0 ? why + text(", by %.2g and more", (first.array() / own.array()).minCoeff()) : why;
 }
 
 }  // namespace

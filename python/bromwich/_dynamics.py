@@ -82,7 +82,7 @@ class Kronecker:
 
     Dirichlet ends, diffusion alone and constraints on one side: sine transforms diagonalise it, and nothing of size
     m x m is formed. Sources f of such a scene enter through B: give ``f`` with n values and ``F="B"``. The same holds with
-    other ends, a reaction, and advection of up to |v| L/(2c) of about seven in all directions together, above 512 states,
+    other ends, a reaction, two sides that are alike (the same b and n, and the same condition at both ends), and advection of up to |v| L/(2c) of about seven in all directions together, above 512 states,
     if f enters through B or there is none. Others are sparse dynamics, set up by modes of their directions, and take every
     f.
 

@@ -172,13 +172,15 @@ void bind_dynamics(Bound& model) {
       .def(
           "set_kronecker",
           [](Model& s, const Difference& along, const Difference& across, const Array1& b, const Array1& n,
-             const std::vector<Difference>& beside) {
+             const std::vector<Difference>& beside, bool both_faces) {
             const auto difference = [](const auto& d) { return std::make_from_tuple<SecondDifference>(d); };
             KroneckerDynamics sum{difference(along), difference(across), as_vector(b), as_vector(n)};
             for (const auto& direction : beside) sum.beside.push_back(difference(direction));
+            sum.both_faces = both_faces;
             s.scene.dynamics = std::move(sum);
           },
-          nb::arg("along"), nb::arg("across"), nb::arg("b"), nb::arg("n"), nb::arg("beside"))
+          nb::arg("along"), nb::arg("across"), nb::arg("b"), nb::arg("n"), nb::arg("beside"),
+          nb::arg("both_faces") = false)
       .def(
           "set_rectangle",
           [](Model& s, const Line& along, const Line& across, double reaction, const Array1& b, const Array1& n,

@@ -239,7 +239,8 @@ nb::tuple dynamics_of(const Model& model) {
     };
     nb::list beside;
     for (const SecondDifference& direction : d->beside) beside.append(difference(direction));
-    return nb::make_tuple("set_kronecker", difference(d->along), difference(d->across), d->b, d->n, beside);
+    return nb::make_tuple("set_kronecker", difference(d->along), difference(d->across), d->b, d->n, beside,
+                          d->both_faces);
   }
   const auto& d = get<SuppliedDynamics>(dynamics);
   const auto bound = d.bound ? std::optional(std::pair(d.bound->half_angle, d.bound->abscissa)) : std::nullopt;

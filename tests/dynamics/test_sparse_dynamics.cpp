@@ -78,6 +78,33 @@ TEST_P(SparseResolvent, AgreesWithDenseSolves) {
     }
 }
 
+// Symmetric A and N = D B^T for the first columns of B: one triangle of the border is reduced. With a state that two
+// contacts share, a contact at several states, further columns of B, and an N that is not of this form by one entry.
+TEST_P(SparseResolvent, ReducesASymmetricBorderOnce) {
+  Random random(4);
+  const Index m = 9 * 7;
+  for (const Index more : {0, 2})
+    for (const bool spoiled : {false, true}) {
+      SparseMatrix A = grid(9, 7);
+      for (Index k = 0; k < m; ++k)  // symmetric up to rounding
+        for (SparseMatrix::InnerIterator a(A, k); a; ++a)
+          if (a.row() < k) a.valueRef() *= 1 + (more > 0 ? 2 * epsilon : 0);
+      const SparseMatrix contacts = random_sparse(random, m, 5, 2.0);
+      Matrix B(m, 5 + more), N = 3 * Matrix(contacts).transpose();
+      B.leftCols(5) = Matrix(contacts);
+      B.rightCols(more) = random.matrix(m, more);
+      for (Index i = 0; i < 5; ++i) {
+        B(7 * i, i) = B(7 * i + 7, i) = 1;
+        N.row(i) = (i % 2 == 0 ? -0.3 : 2 + double(i)) * B.col(i).transpose();
+      }
+      if (spoiled) N(2, 14) *= 1.5;
+      const SparseDynamics d{A, B.sparseView(), N.sparseView()};
+      const ComplexVector nodes{{Complex(5, 13), Complex(-10, 40), Complex(0.5, 3)}};
+      const ComplexMatrix found = backend->resolvent(Dynamics(d), nodes), exact = dense_resolvent(d, nodes);
+      EXPECT_LE((found - exact).cwiseAbs().maxCoeff(), 1e-11 * exact.cwiseAbs().maxCoeff()) << more << spoiled;
+    }
+}
+
 TEST_P(SparseResolvent, PivotsWhereTheOrderNeedsIt) {
   // Without pivoting the first pivot is z = 0, which is not an eigenvalue (they are 1 and -1).
   const SparseDynamics d{assemble(2, 2, {{0, 1, 1.0}, {1, 0, 1.0}}), assemble(2, 1, {{0, 0, 1.0}}),

@@ -43,7 +43,7 @@ TEST(Compression, ReproducesTheLineKernel) {
       for (int i = 0; i <= points; ++i) {
         const double t = i == points ? T : h * std::pow(T / h, double(i) / points);
         double fitted = 0;
-        for (Index k = 0; k < sum.rates.size(); ++k) fitted += sum.coefficients[k] * std::exp(sum.rates[k] * t);
+        for (Index k = 0; k < sum.rates.size(); ++k) fitted += sum.coefficients(k, 0) * std::exp(sum.rates[k] * t);
         const double exact = double(line_kernel(d, coefficients, t));
         worst = std::max(worst, std::abs(fitted - exact));
         largest = std::max(largest, std::abs(exact));

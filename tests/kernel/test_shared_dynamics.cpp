@@ -121,7 +121,7 @@ TEST(SharedDynamics, OneFitForSixHalvings) {
     // A fit of this step's own agrees at times it has not seen.
     const ExponentialSum own = compress_line_kernel(d, step, scene.T);
     const auto at = [](const ExponentialSum& s, double t) {
-      return s.coefficients.dot((t * s.rates.array()).exp().matrix());
+      return s.coefficients.col(0).dot((t * s.rates.array()).exp().matrix());
     };
     for (const double t : {1.3 * step, 17.7 * step, 0.77 * scene.T})
       EXPECT_NEAR(at(fit->sum, t), at(own, t), 1e-11 * std::abs(at(own, step))) << k << " at " << t;

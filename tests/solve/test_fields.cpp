@@ -225,6 +225,46 @@ TEST(Fields, IsolatedNodesWithAMassAreSolved) {
 }
 
 // n = 300 rows are not written out. The march solves problems with M + W_0, the sweeps those of M.
+// A node with x' = rate x + y_3, which w_3 sees a little; or one that nothing drives and nobody sees.
+SparseDynamics with_a_growing_node(double rate, bool joined) {
+  const Index node = m / 2 + 4;
+  SparseDynamics d = isolated(node, 1);
+  d.A.coeffRef(node, node) = rate;
+  if (joined) d.B.coeffRef(node, 3) = 1, d.N.coeffRef(3, node) = 1e-3;
+  return d;
+}
+
+// Rules that damp all that decays fast damp what grows fast, too: 64 steps of 1/64 do not follow e^(40 t).
+TEST(Fields, ModesThatGrowFasterThanTheStepsAreNamed) {
+  for (const double compliance : {0.0, 1e-2})
+    for (const Method method : {Method::march, Method::euler}) {
+      const std::string what = std::string(to_string(method)) + " " + std::to_string(compliance);
+      const Result fast = solved_by(field(with_a_growing_node(40, true), compliance), method, 64);
+      if (method == Method::march && fast.continuous) {  // weights of exponentials, which need no rule
+        EXPECT_EQ(fast.status, Status::solved) << what << fast.reason;
+      } else {
+        EXPECT_EQ(fast.status, Status::tolerance_not_met) << what;
+        EXPECT_NE(fast.reason.find("grows like e^(40 t)"), std::string::npos) << what << fast.reason;
+      }
+      for (const auto& [rate, joined] : {std::pair(4., true), {40., false}}) {
+        const Result slow = solved_by(field(with_a_growing_node(rate, joined), compliance), method, 64);
+        EXPECT_EQ(slow.status, Status::solved) << what << rate << slow.reason;
+      }
+    }
+  SparseDynamics d = heated_square();
+  d.E = -unit_mass();
+  EXPECT_NE(solved_by(field(d, 0), Method::march, 64).status, Status::solved);
+}
+
+TEST(Fields, AContactThatNothingMovesIsNamed) {
+  SparseDynamics d = heated_square();
+  d.N = (Vector::Ones(Q) - Vector::Unit(Q, 3)).asDiagonal() * d.N;
+  d.N.prune(0.0);
+  const Result unseen = solved_by(field(d, 0), Method::march, 64);
+  EXPECT_EQ(unseen.status, Status::tolerance_not_met);
+  EXPECT_NE(unseen.reason.find("row 3 of N and of M is zero"), std::string::npos) << unseen.reason;
+}
+
 TEST(Fields, AMatrixOfNoClassIsNamedWhereSweepsNeedIt) {
   constexpr Index n = 300, states = 700;
   SparseDynamics d{SparseMatrix(states, states), SparseMatrix(states, n), SparseMatrix(n, states)};
