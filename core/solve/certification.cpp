@@ -109,6 +109,7 @@ void Certification::certify(Method method, Result& result) {
   confirm(method, m, result);
   if (result.status == Status::solved) resolve_modes(method, m.x, result);
   if (result.status == Status::solved) doubt_many_jumps(method, result);
+  if (result.status == Status::solved && result.warning.empty()) estimate_errors_at_jumps(method, result);
   if (result.status == Status::solved) look_for_other_solutions(result);
 }
 

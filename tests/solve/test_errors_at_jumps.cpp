@@ -1,0 +1,102 @@
+// The warning that given steps are too long where the state jumps or starts fast: with a true estimate, and not where
+// they are short enough. Exact solutions.
+
+#include "tests/support/run.hpp"
+#include "tests/support/random_sources.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <string>
+
+namespace bromwich {
+namespace {
+
+Options with_states(Method method, Index steps) {
+  Options options = options_for(method, steps);
+  options.states = StateSelection::all;
+  return options;
+}
+
+// x1' = -rate x1, x2' = -1 + y, 0 <= y ⊥ x2 >= 0: the first step of Radau IIA leaves (1 + z/3)/(1 - 2z/3 + z^2/6) of
+// x1, z = -rate h.
+Scene with_fast_start(double rate) {
+  Scene scene;
+  scene.dynamics = DenseDynamics{Matrix{{-rate, 0}, {0, 0}}, Matrix{{0}, {1}}, Matrix{{0, 1}}};
+  scene.M = Matrix{{0}};
+  scene.f = [](double, Eigen::Ref<Vector> f) { f << 0, -1; };
+  scene.x0 = Vector{{1, 0.5}};
+  scene.T = 1;
+  return scene;
+}
+
+double told(const std::string& warning, const std::string& what) {
+  const std::string words = what + " by about ";
+  const auto place = warning.find(words);
+  return place == std::string::npos ? 0 : std::stod(warning.substr(place + words.size()));
+}
+
+TEST(ErrorsAtJumps, FastStartsAreTold) {
+  const Result r = run(with_fast_start(600), with_states(Method::march, 100));
+  ASSERT_EQ(r.status, Status::solved) << r.reason;
+  const double error = std::abs(r.x(1, 0) - std::exp(-6.0));
+  EXPECT_NEAR(error, 0.09, 0.03);  // z = -6: |R(z)| = 1/11
+  EXPECT_GE(told(r.warning, "x"), 100 * error / 3) << r.warning;
+  EXPECT_LE(told(r.warning, "x"), 100 * error * 3) << r.warning;
+  const Result fine = run(with_fast_start(600), with_states(Method::march, 4000));
+  EXPECT_EQ(fine.warning, "");
+  const Result slow = run(with_fast_start(1), with_states(Method::march, 100));
+  EXPECT_EQ(slow.warning, "");
+}
+
+// x' = 1 - x + y, w = x, x0 = -1: the state jumps to 0 and follows 1 - e^-t. Behind the impulse a brief part of a step is
+// taken, also with sparse dynamics.
+TEST(ErrorsAtJumps, MarchIsRightBehindAnImpulsiveStart) {
+  Scene scene;
+  scene.dynamics = DenseDynamics{Matrix{{-1}}, Matrix{{1}}, Matrix{{1}}};
+  scene.M = Matrix{{0}};
+  scene.f = [](double, Eigen::Ref<Vector> f) { f[0] = 1; };
+  scene.x0 = Vector{{-1}};
+  scene.T = 1;
+  for (const bool sparse : {false, true}) {
+    Options options = options_for(Method::march, 16);
+    options.states = StateSelection::list;
+    options.components = {0};
+    const Result r = run(sparse ? oracle::among_sparse_states(scene, 600) : scene, options);
+    ASSERT_EQ(r.status, Status::solved) << r.reason;
+    for (Index j = 1; j <= 16; ++j) EXPECT_NEAR(r.x(j, 0), 1 - std::exp(-r.t[j]), 1e-5) << "sparse " << sparse;
+    EXPECT_NEAR(integral_of_y(r)(16, 0), 1, 1e-5);
+  }
+}
+
+// Implicit Euler errs by h/2 max |x''| or so, and says it from 4 % on.
+TEST(ErrorsAtJumps, ImplicitEulerTellsItsError) {
+  Scene scene;
+  const double omega = 20;
+  scene.dynamics = DenseDynamics{Matrix{{0, omega}, {-omega, 0}}, Matrix{{0}, {1}}, Matrix{{0, 1}}};
+  scene.M = Matrix{{1}};
+  scene.g = [](double, Eigen::Ref<Vector> g) { g[0] = 10; };  // never in contact
+  scene.x0 = Vector{{1, 0}};
+  scene.T = 1;
+  const Result r = run(scene, with_states(Method::euler, 400));
+  ASSERT_EQ(r.status, Status::solved) << r.reason;
+  double error = 0;
+  for (Index j = 0; j <= 400; ++j)
+    error = std::max({error, std::abs(r.x(j, 0) - std::cos(omega * r.t[j])), std::abs(r.x(j, 1) + std::sin(omega * r.t[j]))});
+  EXPECT_GT(error, 0.3);
+  EXPECT_GE(told(r.warning, "x"), 100 * error / 3) << r.warning;
+  EXPECT_LE(told(r.warning, "x"), 100 * error * 3) << r.warning;
+  EXPECT_EQ(run(scene, with_states(Method::march, 400)).warning, "");
+}
+
+// An impulse is no infeasibility: methods without one say so.
+TEST(ErrorsAtJumps, ContourDoesNotCallAnImpulseInfeasible) {
+  const oracle::SourceScene s = oracle::source_scene(41000748);
+  ASSERT_TRUE(oracle::locate_events(s.base).decided);
+  const Result r = run(s.scene, Method::contour, 100);
+  EXPECT_EQ(r.status, Status::unsupported) << r.reason;
+  EXPECT_NE(r.reason.find("has to jump"), std::string::npos) << r.reason;
+}
+
+}  // namespace
+}  // namespace bromwich
