@@ -264,6 +264,7 @@ ordered_json as_json(const Outcome& o) {
 }
 
 struct Summary {
+  long right_with_warning = 0;
   std::map<std::string, long> verdicts, told, not_told, reasons, undecided;
   std::vector<double> effectivity;
   double seconds = 0, oracle_seconds = 0;
@@ -273,6 +274,7 @@ Summary summarise(const std::vector<Outcome>& all, double tolerance) {
   Summary s;
   for (const Outcome& o : all) {
     ++s.verdicts[o.verdict];
+    s.right_with_warning += o.verdict == "right" && !o.warning.empty();
     ++(o.told ? s.told : s.not_told)[o.verdict];
     if (o.verdict == "refused") ++s.reasons[o.status + ": " + kind_of(o.reason)];
     if (o.verdict == "undecided") {
@@ -338,6 +340,8 @@ void write(const Arguments& a, const std::vector<Outcome>& all, const Summary& s
                           {"method", to_string(a.method)},
                           {"tolerance", a.tolerance},
                           {"seconds", a.seconds},
+                          {"steps", a.steps},
+                          {"right_with_warning", s.right_with_warning},
                           {"verdicts", s.verdicts},
                           {"told", s.told},
                           {"not_told", s.not_told},

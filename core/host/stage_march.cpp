@@ -30,7 +30,6 @@ class Stages {
     out.y.row(0) = y0.transpose();
     out.impulse.row(0).setZero();
     record(x, 0, out);
-    if (problem_.recorded) problem_.recorded(0, x, out.y.row(0).transpose());
     steps_.start(problem_.x0, y0,
                  problem_.modal ? observe(*problem_.dynamics, problem_.x0) : Vector(out.v.row(0).transpose()));
     for (Index j = 1; j < rows_; ++j) {
@@ -47,7 +46,6 @@ class Stages {
       out.impulse.row(j) = steps_.length(j) * used->mean().transpose();
       x.swap(next);
       record(x, j, out, used);
-      if (problem_.recorded) problem_.recorded(j, x, out.y.row(j).transpose());
     }
     if (problem_.modal) finish_modes(out);
     out.bytes = steps_.bytes();

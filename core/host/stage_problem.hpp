@@ -52,9 +52,6 @@ struct StageProblem {
   std::function<bool()> interrupted;            ///< polled from time to time; true ends the march
   std::function<void(Index step)> progress;     ///< called from time to time
   std::shared_ptr<const PoleModel> poles = {};  ///< instead of the state of the dynamics
-  /// May replace y (n) of a row in the solution, where the state of the dynamics is x. The march goes on with its own
-  /// y.
-  std::function<void(Index row, const Vector& x, Eigen::Ref<Vector> y)> recorded = {};
 };
 
 }  // namespace bromwich

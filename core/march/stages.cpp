@@ -9,7 +9,6 @@
 #include "core/kernel/transfer_fit.hpp"
 #include "core/lcp/active_set.hpp"
 #include "core/march/outcome.hpp"
-#include "core/march/settled_y.hpp"
 #include "core/march/stage_grid.hpp"
 
 #include <algorithm>
@@ -253,14 +252,6 @@ void solve_by_stages(const DiscreteProblem& p, Index stages, const InnerOptions&
   state_problem(p, grid, stages, options, given);
   given.problem.jumps_at_start = start == Start::impulse;
   if (grid.lengths.empty()) given.problem.poles = std::move(poles);
-  std::optional<SettledY> settled;
-  if (stages == 2 && !given.problem.modal && !given.problem.poles && settles_y(p))
-    settled.emplace(p, **given.problem.dynamics, given.problem.F);
-  if (settled)
-    given.problem.recorded = [&](Index row, const Vector& x, Eigen::Ref<Vector> y) {
-      const Index j = grid.step[std::size_t(row)];
-      if (grid.at[std::size_t(j)] == row) (*settled)(j, x, y);
-    };
   result.seconds.setup += timer.lap();
   const Vector y0 = result.y.row(0).transpose();
   StageSolution s = march_by_stages(given.problem, y0);

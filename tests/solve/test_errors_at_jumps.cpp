@@ -1,8 +1,8 @@
 // The warning that given steps are too long where the state jumps or starts fast: with a true estimate, and not where
 // they are short enough. Exact solutions.
 
-#include "tests/support/run.hpp"
 #include "tests/support/random_sources.hpp"
+#include "tests/support/run.hpp"
 
 #include <gtest/gtest.h>
 
@@ -49,8 +49,8 @@ TEST(ErrorsAtJumps, FastStartsAreTold) {
   EXPECT_EQ(slow.warning, "");
 }
 
-// x' = 1 - x + y, w = x, x0 = -1: the state jumps to 0 and follows 1 - e^-t. Behind the impulse a brief part of a step is
-// taken, also with sparse dynamics.
+// x' = 1 - x + y, w = x, x0 = -1: the state jumps to 0 and follows 1 - e^-t. Behind the impulse a brief part of a step
+// is taken, also with sparse dynamics.
 TEST(ErrorsAtJumps, MarchIsRightBehindAnImpulsiveStart) {
   Scene scene;
   scene.dynamics = DenseDynamics{Matrix{{-1}}, Matrix{{1}}, Matrix{{1}}};
@@ -64,29 +64,25 @@ TEST(ErrorsAtJumps, MarchIsRightBehindAnImpulsiveStart) {
     options.components = {0};
     const Result r = run(sparse ? oracle::among_sparse_states(scene, 600) : scene, options);
     ASSERT_EQ(r.status, Status::solved) << r.reason;
-    for (Index j = 1; j <= 16; ++j) EXPECT_NEAR(r.x(j, 0), 1 - std::exp(-r.t[j]), 1e-5) << "sparse " << sparse;
-    EXPECT_NEAR(integral_of_y(r)(16, 0), 1, 1e-5);
+    // The brief part is h/160 long, and f moves x by that.
+    for (Index j = 1; j <= 16; ++j) EXPECT_NEAR(r.x(j, 0), 1 - std::exp(-r.t[j]), 4e-4);
+    EXPECT_NEAR(integral_of_y(r)(16, 0), 1, 4e-4);
   }
 }
 
-// Implicit Euler errs by h/2 max |x''| or so, and says it from 4 % on.
+// x1' = -40 x1 by steps of h = 1/50 decays by 1/1.8 instead of e^-0.8.
 TEST(ErrorsAtJumps, ImplicitEulerTellsItsError) {
-  Scene scene;
-  const double omega = 20;
-  scene.dynamics = DenseDynamics{Matrix{{0, omega}, {-omega, 0}}, Matrix{{0}, {1}}, Matrix{{0, 1}}};
+  Scene scene = with_fast_start(40);
   scene.M = Matrix{{1}};
-  scene.g = [](double, Eigen::Ref<Vector> g) { g[0] = 10; };  // never in contact
-  scene.x0 = Vector{{1, 0}};
-  scene.T = 1;
-  const Result r = run(scene, with_states(Method::euler, 400));
+  const Result r = run(scene, with_states(Method::euler, 50));
   ASSERT_EQ(r.status, Status::solved) << r.reason;
   double error = 0;
-  for (Index j = 0; j <= 400; ++j)
-    error = std::max({error, std::abs(r.x(j, 0) - std::cos(omega * r.t[j])), std::abs(r.x(j, 1) + std::sin(omega * r.t[j]))});
-  EXPECT_GT(error, 0.3);
+  for (Index j = 0; j <= 50; ++j) error = std::max(error, std::abs(r.x(j, 0) - std::exp(-40 * r.t[j])));
+  EXPECT_NEAR(error, 0.107, 0.001);
   EXPECT_GE(told(r.warning, "x"), 100 * error / 3) << r.warning;
   EXPECT_LE(told(r.warning, "x"), 100 * error * 3) << r.warning;
-  EXPECT_EQ(run(scene, with_states(Method::march, 400)).warning, "");
+  EXPECT_EQ(run(scene, with_states(Method::march, 50)).warning, "");
+  EXPECT_EQ(run(scene, with_states(Method::euler, 2000)).warning, "");
 }
 
 // An impulse is no infeasibility: methods without one say so.

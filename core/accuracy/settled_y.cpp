@@ -1,4 +1,4 @@
-#include "core/march/settled_y.hpp"
+#include "core/accuracy/settled_y.hpp"
 
 #include "core/lcp/active_set.hpp"
 
@@ -17,7 +17,7 @@ namespace {
 constexpr double part_of_a_step = 1.0 / 64;
 constexpr double accepted_residual = 1e-10;  ///< of the problem at the time point
 constexpr double counts_as_zero = 1e-9;      ///< y relative to the largest one, and w to its terms
-constexpr Index most_settled_constraints = 128, most_settled_states = 20000;
+constexpr Index most_settled_constraints = 128;
 
 // A step of implicit Euler from x: q = N (E/d - A)^{-1} (E x/d + f) + g, matrix M + N (E/d - A)^{-1} B.
 struct BriefStep {
@@ -47,17 +47,15 @@ bool has_rigid_constraint(const LinearSystem& dynamics, const Matrix& M, double 
   return false;
 }
 
-}  // namespace
-
-struct SettledY::Brief {
-  Brief(const DiscreteProblem& problem, const LinearSystem& system, const SparseMatrix& of_f)
+struct Brief {
+  explicit Brief(const DiscreteProblem& problem)
       : p(problem),
-        dynamics(system),
-        F(of_f),
+        dynamics(*problem.scene.dynamics),
         M(to_dense(p.scene.M)),
         resolution(p.sources ? p.sources->resolution : 256 * epsilon * p.scene.T),
         f(p.scene.f, p.scene.f ? p.scene.sources() : 0, resolution),
         g(p.scene.g, p.scene.g ? p.scene.constraints() : 0, resolution) {
+    if (p.scene.f) F = source_matrix(p);
     if (has_rigid_constraint(dynamics, M, p.h)) return;
     for (std::size_t k = 0; k < steps.size(); ++k)
       steps[k] = brief_step(dynamics, M, double(k + 1) * part_of_a_step * p.h);
@@ -116,39 +114,43 @@ struct SettledY::Brief {
 
   const DiscreteProblem& p;
   const LinearSystem& dynamics;
-  const SparseMatrix& F;
-  Matrix M;
+  Matrix F, M;
   double resolution;
   OneSided f, g;
   std::array<std::optional<BriefStep>, 2> steps;
 };
 
-SettledY::SettledY(const DiscreteProblem& p, const LinearSystem& dynamics, const SparseMatrix& F)
-    : p_(p), dynamics_(dynamics), F_(F) {}
+}  // namespace
 
-SettledY::~SettledY() = default;
-
-// y_0 of least norm is one of several where w is zero, too.
-bool SettledY::is_open_at_zero(const Vector& y) const {
-  const Vector w = p_.start + multiply(p_.scene.M, y), terms = p_.start.cwiseAbs() + w.cwiseAbs();
-  const double size = std::max(terms.maxCoeff(), dynamics_.observed_terms(p_.scene.x0).maxCoeff());
-  return ((y.array() <= 0) && (w.array() <= counts_as_zero * size)).any();
+RowMatrix settled_y(const DiscreteProblem& p, const RowMatrix& x, const Result& result) {
+  RowMatrix y = result.y;
+  if (!p.small_state() || has_one_solution(p.lcp_class) || p.scene.constraints() > most_settled_constraints ||
+      x.rows() != p.J + 1)
+    return y;
+  const double zero = counts_as_zero * y.cwiseAbs().maxCoeff();
+  std::optional<Brief> brief;
+  for (Index j = 1; j <= p.J; ++j) {
+    const auto active = [&](Index row) { return (result.y.row(row).array() > zero).eval(); };
+    if ((active(j) == active(j - 1)).all() && !(p.sources && p.sources->at(j))) continue;
+    if (!brief) brief.emplace(p);
+    if (const auto settled = brief->settled(j, x.row(j).transpose(), result.y.row(j).transpose()))
+      y.row(j) = settled->transpose();
+  }
+  return y;
 }
 
-void SettledY::operator()(Index j, const Vector& x, Eigen::Ref<Vector> y) {
-  if (j == 0 || before_.size() != y.size()) largest_ = 0;
-  if (y.allFinite()) largest_ = std::max(largest_, y.cwiseAbs().maxCoeff());
-  const Eigen::Array<bool, Eigen::Dynamic, 1> active = y.array() > counts_as_zero * largest_;
-  const bool switches = j > 0 && (active != before_).any(), rough = j > 0 && p_.sources && p_.sources->at(j);
-  before_ = active;
-  if (!y.allFinite() || !(j == 0 ? is_open_at_zero(y) : switches || rough)) return;
-  if (!brief_) brief_ = std::make_unique<Brief>(p_, dynamics_, F_);
-  if (const auto settled = brief_->settled(j, x, y)) y = *settled;
-}
-
-bool settles_y(const DiscreteProblem& p) {
-  return !has_one_solution(p.lcp_class) && p.scene.constraints() <= most_settled_constraints &&
-         p.scene.states() <= most_settled_states;
+UnsettledRows unsettled_rows(const RowMatrix& y, const RowMatrix& settled, double share) {
+  UnsettledRows rows;
+  if (y.size() == 0) return rows;
+  const Vector largest = settled.cwiseAbs().colwise().maxCoeff().transpose();
+  const Vector size = largest.cwiseMax(1e-3 * largest.maxCoeff()).cwiseMax(1e-290);
+  for (Index j = 1; j < y.rows(); ++j) {
+    const double off = (y.row(j) - settled.row(j)).transpose().cwiseAbs().cwiseQuotient(size).maxCoeff();
+    if (!(off > share)) continue;
+    if (rows.count++ == 0) rows.first = j;
+    rows.error = std::max(rows.error, off);
+  }
+  return rows;
 }
 
 }  // namespace bromwich
