@@ -15,7 +15,7 @@ namespace bromwich {
 namespace {
 
 constexpr double part_of_a_step = 1.0 / 64;
-constexpr double accepted_residual = 1e-10;  ///< of the problem at the time point
+constexpr double accepted_at_point = 1e-10;  ///< of the problem at the time point
 constexpr double counts_as_zero = 1e-9;      ///< y relative to the largest one, and w to its terms
 constexpr Index most_settled_constraints = 128;
 
@@ -109,7 +109,7 @@ struct Brief {
     y = y.cwiseMax(0);
     const Vector w = M * y + q;
     const double missed = y.cwiseMin(w).cwiseAbs().maxCoeff(), size = std::max(1.0, q.cwiseAbs().maxCoeff());
-    return missed <= accepted_residual * size ? std::optional(y) : std::nullopt;
+    return missed <= accepted_at_point * size ? std::optional(y) : std::nullopt;
   }
 
   const DiscreteProblem& p;

@@ -15,11 +15,11 @@ namespace {
 constexpr Index most_compared_constraints = 64;
 constexpr double most_compared_values = 2e7;  ///< m J, of sparse scenes and Kronecker sums
 constexpr Index fewest_to_halve = 16, few_steps = 256;
-constexpr double fast_start = 0.1;        ///< of the state: what the first step misses of x'(0) h
-constexpr double looked_into = 0.02;      ///< error of half the steps, as far as it is seen
-constexpr double worth_a_warning = 0.04;  ///< error of the steps
-constexpr double nothing = 1e-8;          ///< in natural units
-constexpr double first_order = 0.5;       ///< of the last difference to the one before, at most
+constexpr double fast_start = 0.1;          ///< of the state: what the first step misses of x'(0) h
+constexpr double looked_into = 0.02;        ///< error of half the steps, as far as it is seen
+constexpr double worth_a_warning = 0.04;    ///< error of the steps
+constexpr double counts_as_nothing = 1e-8;  ///< in natural units
+constexpr double most_ratio = 0.5;          ///< of the last difference to the one before, at most
 
 struct ErrorsOfSteps {
   double x = 0, y = 0;  ///< y: of the mean, if there are impulses
@@ -59,8 +59,8 @@ void tell_unsettled_rows(const DiscreteProblem& p, const RowMatrix& settled, Res
 }
 
 // The error of the steps, if half and twice as many differ from them by these.
-double error_of(double half, double twice) {
-  const double ratio = std::isfinite(half) && half > 0 ? std::min(twice / half, first_order) : first_order;
+double error_by_ratio(double half, double twice) {
+  const double ratio = std::isfinite(half) && half > 0 ? std::min(twice / half, most_ratio) : most_ratio;
   return twice / (1 - ratio);
 }
 
@@ -95,7 +95,7 @@ void Certification::estimate_errors_at_jumps(Method method, Result& result) {
     cause = "the state starts faster than a step follows";
   if (cause.empty()) return;
   ComponentSizes sizes;
-  sizes.absolute = nothing;
+  sizes.absolute = counts_as_nothing;
   const auto apart = [&](Index steps) {
     note(options_.log, LogLevel::info, "solved again with %ld steps instead of %ld: %s", long(steps), long(p.J),
          cause.c_str());
@@ -115,11 +115,11 @@ void Certification::estimate_errors_at_jumps(Method method, Result& result) {
   const bool few = p.J <= few_steps;
   ErrorsOfSteps half, twice;
   if (!few && (half = apart(p.J / 2)).largest() <= looked_into) return;
-  if (few && (twice = apart(2 * p.J)).largest() <= (1 - first_order) * worth_a_warning) return;
+  if (few && (twice = apart(2 * p.J)).largest() <= (1 - most_ratio) * worth_a_warning) return;
   few ? half = apart(p.J / 2) : twice = apart(2 * p.J);
   std::string parts;
-  for (const auto& [what, size] :
-       {std::pair("x", error_of(half.x, twice.x)), {impulses ? "the mean of y" : "y", error_of(half.y, twice.y)}})
+  for (const auto& [what, size] : {std::pair("x", error_by_ratio(half.x, twice.x)),
+                                   {impulses ? "the mean of y" : "y", error_by_ratio(half.y, twice.y)}})
     if (size > worth_a_warning) parts += (parts.empty() ? "" : ", ") + text("%s by about %.0f %%", what, 100 * size);
   if (parts.empty()) return;
   add_warning(result, twice.largest() < INFINITY ? "with these steps the result is off: " + parts +

@@ -12,7 +12,7 @@
 namespace bromwich {
 namespace {
 
-Options with_states(Method method, Index steps) {
+Options all_states_by(Method method, Index steps) {
   Options options = options_for(method, steps);
   options.states = StateSelection::all;
   return options;
@@ -30,22 +30,22 @@ Scene with_fast_start(double rate) {
   return scene;
 }
 
-double told(const std::string& warning, const std::string& what) {
+double percent_told(const std::string& warning, const std::string& what) {
   const std::string words = what + " by about ";
   const auto place = warning.find(words);
   return place == std::string::npos ? 0 : std::stod(warning.substr(place + words.size()));
 }
 
 TEST(ErrorsAtJumps, FastStartsAreTold) {
-  const Result r = run(with_fast_start(600), with_states(Method::march, 100));
+  const Result r = run(with_fast_start(600), all_states_by(Method::march, 100));
   ASSERT_EQ(r.status, Status::solved) << r.reason;
   const double error = std::abs(r.x(1, 0) - std::exp(-6.0));
   EXPECT_NEAR(error, 0.09, 0.03);  // z = -6: |R(z)| = 1/11
-  EXPECT_GE(told(r.warning, "x"), 100 * error / 3) << r.warning;
-  EXPECT_LE(told(r.warning, "x"), 100 * error * 3) << r.warning;
-  const Result fine = run(with_fast_start(600), with_states(Method::march, 4000));
+  EXPECT_GE(percent_told(r.warning, "x"), 100 * error / 3) << r.warning;
+  EXPECT_LE(percent_told(r.warning, "x"), 100 * error * 3) << r.warning;
+  const Result fine = run(with_fast_start(600), all_states_by(Method::march, 4000));
   EXPECT_EQ(fine.warning, "");
-  const Result slow = run(with_fast_start(1), with_states(Method::march, 100));
+  const Result slow = run(with_fast_start(1), all_states_by(Method::march, 100));
   EXPECT_EQ(slow.warning, "");
 }
 
@@ -74,15 +74,15 @@ TEST(ErrorsAtJumps, MarchIsRightBehindAnImpulsiveStart) {
 TEST(ErrorsAtJumps, ImplicitEulerTellsItsError) {
   Scene scene = with_fast_start(40);
   scene.M = Matrix{{1}};
-  const Result r = run(scene, with_states(Method::euler, 50));
+  const Result r = run(scene, all_states_by(Method::euler, 50));
   ASSERT_EQ(r.status, Status::solved) << r.reason;
   double error = 0;
   for (Index j = 0; j <= 50; ++j) error = std::max(error, std::abs(r.x(j, 0) - std::exp(-40 * r.t[j])));
   EXPECT_NEAR(error, 0.107, 0.001);
-  EXPECT_GE(told(r.warning, "x"), 100 * error / 3) << r.warning;
-  EXPECT_LE(told(r.warning, "x"), 100 * error * 3) << r.warning;
-  EXPECT_EQ(run(scene, with_states(Method::march, 50)).warning, "");
-  EXPECT_EQ(run(scene, with_states(Method::euler, 2000)).warning, "");
+  EXPECT_GE(percent_told(r.warning, "x"), 100 * error / 3) << r.warning;
+  EXPECT_LE(percent_told(r.warning, "x"), 100 * error * 3) << r.warning;
+  EXPECT_EQ(run(scene, all_states_by(Method::march, 50)).warning, "");
+  EXPECT_EQ(run(scene, all_states_by(Method::euler, 2000)).warning, "");
 }
 
 // An impulse is no infeasibility: methods without one say so.
