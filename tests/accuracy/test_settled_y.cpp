@@ -85,7 +85,7 @@ TEST(SettledY, LeavesImpactsAlone) {
 // Random scenes whose M is singular: at all points y is that of the oracle, or `warning` says that it is not.
 TEST(SettledY, RandomScenesAreRightOrWarned) {
   int decided = 0, wrong = 0, silent = 0;
-  // Rows that are as wrong with twice the steps have no warning: 3 of 1134 at this size.
+  constexpr double certainly_told = 0.1;  // the warning begins at 4 %, by an estimate good to a factor of 2.5
   for (std::uint32_t seed = 51000000; seed < 51000200; ++seed) {
     const oracle::SourceScene s = oracle::source_scene(seed);
     if (is_surely_P(LcpMatrix(s.base.scene.M))) continue;
@@ -96,13 +96,13 @@ TEST(SettledY, RandomScenesAreRightOrWarned) {
     const Result r = run(s.scene, options);
     if (r.status != Status::solved) continue;
     ++decided;
-    if (oracle::true_error(s, truth, r).largest() <= 0.06) continue;
+    if (oracle::true_error(s, truth, r).largest() <= certainly_told) continue;
     ++wrong;
     silent += r.warning.empty();
   }
   EXPECT_GE(decided, 35);
   EXPECT_GE(wrong, 1);
-  EXPECT_LE(silent, decided / 30);
+  EXPECT_EQ(silent, 0);
 }
 
 }  // namespace
