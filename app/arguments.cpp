@@ -49,10 +49,12 @@ int parse_threads(const std::string& word) { return int(integer_within("--thread
 double parse_seconds(const std::string& argument, const std::string& word) { return positive(argument, word); }
 
 void parse_error_control(const SolveArguments& a, Options& options, std::optional<double> of_file) {
+  // Method goal has an absolute tolerance, of its quantity.
+  const bool absolute = options.method == Method::goal;
   for (const auto& [argument, word, value] : {std::tuple("--tol", &a.tolerance, &options.tolerance),
                                               {"--tol-x", &a.tolerance_x, &options.tolerance_x},
                                               {"--tol-y", &a.tolerance_y, &options.tolerance_y}})
-    if (!word->empty()) *value = fraction(argument, *word, "1e-4");
+    if (!word->empty()) *value = absolute ? positive(argument, *word) : fraction(argument, *word, "1e-4");
   if (!a.absolute_tolerance.empty()) options.absolute_tolerance = positive("--atol", a.absolute_tolerance);
   if (!a.max_steps.empty()) options.max_steps = Index(integer_within("--max-steps", a.max_steps, max_steps));
   if (!a.max_seconds.empty()) options.max_seconds = positive("--max-seconds", a.max_seconds);

@@ -77,7 +77,7 @@ Options solve_options(const SolveArguments& arguments, const SceneChoice& choice
   if (!arguments.steps.empty()) options.steps = parse_steps(arguments.steps);
   options.event_location = arguments.event_location;
   parse_error_control(arguments, options, choice.tolerance);
-  if (const double smallest = smallest_tolerance(options); smallest > 0) {
+  if (const double smallest = smallest_tolerance(options); smallest > 0 && options.method != Method::goal) {
     // A smaller iteration error than the tolerance needs would waste sweeps. A thousandth of it does not affect the
     // differences of grids.
     options.iteration_tolerance = std::max(1e-3 * smallest, options.iteration_tolerance);

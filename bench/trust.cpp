@@ -10,8 +10,7 @@
 // oracle cannot decide are counted separately. --seed K: one scene in detail. --steps J: fixed steps instead of a
 // tolerance, with --tol for the judgement. --jobs K: K scenes at a time. --until S: no scene is begun after S seconds;
 // the seeds that were judged are the first ones. --undecided skip: scenes that the oracle cannot decide are not solved.
-// --states M: each scene among sparse states, M in all, instead of the few dense ones (M > 512 stays sparse).
-// The exit code is 1 if a result is wrong.
+// --states M: each scene among M sparse states (M > 512 stays sparse). The exit code is 1 if a result is wrong.
 
 #include "tests/support/trust.hpp"
 #include "core/base/error.hpp"
@@ -267,23 +266,22 @@ struct Summary {
   std::map<std::string, long> verdicts, told, not_told, reasons, undecided;
   std::vector<double> effectivity;
   double seconds = 0, oracle_seconds = 0;
+  long right_with_warning = 0;
 };
 
 Summary summarise(const std::vector<Outcome>& all, double tolerance) {
   Summary s;
   for (const Outcome& o : all) {
     ++s.verdicts[o.verdict];
+    s.right_with_warning += o.verdict == "right" && !o.warning.empty();
     ++(o.told ? s.told : s.not_told)[o.verdict];
     if (o.verdict == "refused") ++s.reasons[o.status + ": " + kind_of(o.reason)];
-    if (o.verdict == "undecided") {
-      ++s.undecided[o.why_undecided.substr(0, o.why_undecided.find(" at t"))];
-    }
+    if (o.verdict == "undecided") ++s.undecided[o.why_undecided.substr(0, o.why_undecided.find(" at t"))];
     // Smaller errors are dominated by rounding and the comparison itself.
     if (o.status == "solved" && o.verdict != "undecided" && !std::isnan(o.estimate) &&
         o.error.largest() > 1e-6 * tolerance)
       s.effectivity.push_back(o.estimate / o.error.largest());
-    s.seconds += o.seconds;
-    s.oracle_seconds += o.oracle_seconds;
+    s.seconds += o.seconds, s.oracle_seconds += o.oracle_seconds;
   }
   std::sort(s.effectivity.begin(), s.effectivity.end());
   return s;
@@ -328,7 +326,7 @@ void write(const Arguments& a, const std::vector<Outcome>& all, const Summary& s
     if (a.rows == "all" || (o.verdict != "right" && o.verdict != "undecided")) rows.push_back(as_json(o));
   ordered_json quantiles;
   for (const auto& [name, q] :
-       {std::pair{"2.5 %", 0.025}, {"25 %", 0.25}, {"50 %", 0.5}, {"75 %", 0.75}, {"97.5 %", 0.975}})
+       {std::pair{"2.5 %", 0.025}, {"25 %", .25}, {"50 %", .5}, {"75 %", .75}, {"97.5 %", 0.975}})
     quantiles[name] = quantile(s.effectivity, q);
   const ordered_json json{{"commit", build_info::commit},
                           {"compiler", build_info::compiler},
@@ -338,6 +336,8 @@ void write(const Arguments& a, const std::vector<Outcome>& all, const Summary& s
                           {"method", to_string(a.method)},
                           {"tolerance", a.tolerance},
                           {"seconds", a.seconds},
+                          {"steps", a.steps},
+                          {"right_with_warning", s.right_with_warning},
                           {"verdicts", s.verdicts},
                           {"told", s.told},
                           {"not_told", s.not_told},

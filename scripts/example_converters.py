@@ -1,17 +1,24 @@
 """Converters with gated switches, for scripts/make_examples."""
 import numpy as np
 from example_files import made, numbers
-from example_references import converter_solution
+from example_references import BridgeOfThreePhases, converter_solution, discontinuous_converter_solution
 
 
-def converter(name, title, unknowns, difficulty, circuit, gate, modes, states, step_error):
+def converter(name, title, unknowns, difficulty, circuit, gate, modes, states, step_error, tolerance="5e-6"):
     """Writes the scene of a converter.
 
     circuit: values of the circuit, (name, value, comment). gate: (duty, frequency, periods). modes: (A, c) with the switch
-    on and off. states: the lines of A, B, f and N, the start, names, units, and the current of the diode as a function of x.
+    on, off and, in discontinuous conduction, idle. states: the lines of A, B, f, N and, if not those of a boost converter,
+    M and g; the start, names, units, and the current of the diode as a function of x.
     """
     duty, frequency, periods = gate
-    x = converter_solution(*modes, duty, 1 / frequency, periods, 1 / (300 * frequency), states["x0"], states["diode"])
+    solution = converter_solution if len(modes) == 2 else discontinuous_converter_solution
+    x = solution(*modes, duty, 1 / frequency, periods, 1 / (300 * frequency), states["x0"], states["diode"])
+    located = (
+        f"both modes by their exponentials, {2 * periods + 1} intervals of continuous conduction"
+        if len(modes) == 2
+        else f"three modes by their exponentials, {periods} zeros of the current located"
+    )
     parameters = "\n".join(f"{key} = {value:g}{comment}" for key, value, comment in circuit)
     kind = title.split(" ", 1)[1].split(" with")[0]
     made[f"{name}.toml"] = f"""\
@@ -45,8 +52,8 @@ x0 = {numbers(states["x0"])}
 
 [complementarity]
 N = {states["N"]}
-M = [[0, -1, 1], [1, 0, 0], [-1, 0, 0]]
-g = [0, "I_max*u", 0]
+M = {states.get("M", "[[0, -1, 1], [1, 0, 0], [-1, 0, 0]]")}
+g = {states.get("g", '[0, "I_max*u", 0]')}
 class = "PSD"
 
 [time]
@@ -71,8 +78,8 @@ states = "all"
 [reference]
 t = "{periods}/frequency"
 x = {numbers(x, 15)}
-tolerance = 5e-6
-source = "both modes by their exponentials, {2 * periods + 1} intervals of continuous conduction"
+tolerance = {tolerance}
+source = "{located}"
 """
 
 
@@ -133,3 +140,101 @@ def cuk():
         "Between them a step of Radau IIA errs by (h omega)^4 / 72 = 2.5e-11 of the\n# values with the fastest frequency, "
         "omega = 1.6e4, 2500 steps by 1.3e-6 V.",
     )
+
+
+def flyback():
+    Vin, L, C, R, n = 24.0, 1e-4, 1e-4, 20.0, 0.25
+    leak, source = -1 / (R * C), np.array([Vin / L, 0])
+    converter(
+        "flyback",
+        "A flyback converter with a gated switch and a diode, pulse-width modulated at 50 kHz, in discontinuous conduction.",
+        "# x = (i of magnetisation, seen from the input, v of the capacitor); y = (i_d, p, q),\n"
+        "# w = (v + n (V_in - (p - q)), I_max u - i_s, i_s), i_s = i - n i_d: n is the ratio of windings, output to input.",
+        "# Difficulty: as boost.toml. In every period the diode stops at a time that no source tells, and from then on nothing\n"
+        "# conducts: i = 0 is held by both bounds of the switch and the diode until the gate opens again.",
+        [("Vin", Vin, "        # volt"), ("L", L, "       # henry"), ("C", C, "      # farad"), ("R", R, "         # ohm"),
+         ("n", n, "       # windings of the output over those of the input")],
+        (0.4, 50000.0, 20),
+        (
+            (np.array([[0, 0], [0, leak]]), source),
+            (np.array([[0, -1 / (n * L)], [1 / (n * C), leak]]), np.zeros(2)),
+            (np.array([[0, 0], [0, leak]]), np.zeros(2)),
+        ),
+        {
+            "A": '[[0, 0], [0, "-1/(R*C)"]]',
+            "B": '[[0, "-1/L", "1/L"], ["1/C", 0, 0]]',
+            "f": '["Vin/L", 0]',
+            "N": "[[0, 1], [-1, 0], [1, 0]]",
+            "M": '[[0, "-n", "n"], ["n", 0, 0], ["-n", 0, 0]]',
+            "g": '["n*Vin", "I_max*u", 0]',
+            "x0": np.array([0.0, 13.0]),
+            "names": '["i", "v"]',
+            "units": '["A", "V"]',
+            "diode": lambda x: x[0],
+        },
+        "In the step in which the diode stops, x errs by up to\n# h^2/2 times the rate of i_d: h = 2e-7, i_d/C falls with "
+        "v/(n^2 L C) = 2e10 V/s^2, 20 times: 9e-3 V at most.",
+        tolerance="9e-3",
+    )
+
+
+def three_phase():
+    V, f, L, C, R, T = 325.0, 50.0, 1e-3, 1e-3, 50.0, 0.04
+    x, switches = BridgeOfThreePhases(V, 2 * np.pi * f, L, C, R).solve(np.zeros(4), T, 2e-6)
+    made["three-phase.toml"] = f"""\
+# A bridge of six diodes between three phases with line inductances and a capacitor with a load, switched on at no charge.
+#
+# x = (the line currents i_a, i_b, i_c, v of the capacitor). Each phase has one diode to the positive rail, which carries
+# i_k+, and one from the negative rail, which carries i_k-; u_k is the potential of the line end above the negative rail:
+#     i_k = i_k+ - i_k-,   0 <= u_k ⊥ i_k- >= 0,   0 <= i_k+ ⊥ v - u_k >= 0.
+# y = (u_a, u_b, u_c, i_a+, i_b+, i_c+), w = (i_a-, i_b-, i_c-, v - u_a, v - u_b, v - u_c). The star point of the phases
+# floats, so that the currents add up to zero.
+# Difficulty: M is skew and singular. Currents commutate from phase to phase within part of a step, the inrush is followed
+# by gaps in which no diode conducts: then u is known only up to a common value, and y is one of several solutions.
+name = "three-phase"
+description = "three-phase rectifier: six diodes, line inductances, a capacitor that is charged from zero"
+
+[parameters]
+V = {V:g}        # volt, amplitude of a phase
+frequency = {f:g}  # hertz
+L = {L:g}       # henry
+C = {C:g}       # farad
+R = {R:g}         # ohm
+s = "2*pi*frequency"
+
+[dynamics]
+A = [[0, 0, 0, 0], [0, 0, 0, 0], [0, 0, 0, 0], [0, 0, 0, "-1/(R*C)"]]
+B = [["-2/(3*L)", "1/(3*L)", "1/(3*L)", 0, 0, 0], ["1/(3*L)", "-2/(3*L)", "1/(3*L)", 0, 0, 0],
+     ["1/(3*L)", "1/(3*L)", "-2/(3*L)", 0, 0, 0], [0, 0, 0, "1/C", "1/C", "1/C"]]
+f = ["V/L*sin(s*t)", "V/L*sin(s*t - 2*pi/3)", "V/L*sin(s*t - 4*pi/3)", 0]
+x0 = [0, 0, 0, 0]
+
+[complementarity]
+N = [[-1, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, 0], [0, 0, 0, 1], [0, 0, 0, 1], [0, 0, 0, 1]]
+M = [[0, 0, 0, 1, 0, 0], [0, 0, 0, 0, 1, 0], [0, 0, 0, 0, 0, 1],
+     [-1, 0, 0, 0, 0, 0], [0, -1, 0, 0, 0, 0], [0, 0, -1, 0, 0, 0]]
+class = "PSD"
+
+[time]
+T = {T:g}
+steps = 2000
+
+[names]
+x = ["i_a", "i_b", "i_c", "v"]
+y = ["u_a", "u_b", "u_c", "i_ap", "i_bp", "i_cp"]
+
+[units]
+t = "s"
+x = ["A", "A", "A", "V"]
+
+[output]
+states = "all"
+
+# In a step in which a current starts or ends, x errs by up to h^2/2 times the jump of its rate, (v/L) h^2/2 = 1e-4 A with
+# h = 2e-5, {switches} times, and v by (v/L C) h^2/2 times the time that it lasts.
+[reference]
+t = {T:g}
+x = {numbers(x, 12)}
+tolerance = 2e-3
+source = "Runge-Kutta 4 with steps of 2e-6 between {switches} located switches; see scripts/make_examples"
+"""

@@ -4,6 +4,7 @@ those are badly conditioned. Needs numpy.
 """
 import numpy as np
 
+INFINITY = float("inf")
 
 def bisect(g, a, b):
     """The zero of g between a and b, g(a) > 0 > g(b), to rounding."""
@@ -165,3 +166,92 @@ def converter_solution(on, off, duty, period, periods, shift, x, conducts):
         x = affine_flow(*on, x, duty * period)
         x = while_off(x, (1 - duty) * period - (shift if k + 1 == periods else 0))
     return x
+
+
+def discontinuous_converter_solution(on, off, idle, duty, period, periods, shift, x, current):
+    """The same in discontinuous conduction: within every off interval the diode conducts until `current(x)` falls to 0,
+    located by bisection, and the converter idles until the switch closes."""
+
+    def while_off(x, length):
+        if current(x) <= 0:
+            return affine_flow(*idle, x, length)
+        end = bisect(lambda s: current(affine_flow(*off, x, s)), 0.0, length)
+        x = affine_flow(*off, x, end)
+        assert end < length, "the converter leaves discontinuous conduction"
+        return affine_flow(*idle, x, length - end)
+
+    x = affine_flow(*idle, x, shift)
+    for k in range(periods):
+        x = affine_flow(*on, x, duty * period)
+        x = while_off(x, (1 - duty) * period - (shift if k + 1 == periods else 0))
+    return x
+
+
+class BridgeOfThreePhases:
+    """A bridge of six diodes between three line inductances L and a capacitor C with load R: x = (i_a, i_b, i_c, v).
+    `sides`: 1 where a phase is on the positive rail, -1 on the negative one, 0 where its diodes block."""
+
+    def __init__(self, amplitude, omega, L, C, R):
+        self.amplitude, self.omega, self.L, self.C, self.R = amplitude, omega, L, C, R
+        self.sides = np.zeros(3)
+
+    def emf(self, t):
+        return self.amplitude * np.sin(self.omega * t - 2 * np.pi / 3 * np.arange(3))
+
+    def potentials(self, t, v):
+        """Of the three line ends, above the negative rail; of blocking phases those without a current."""
+        on = self.sides != 0
+        e, rail = self.emf(t), np.where(self.sides > 0, v, 0.0)
+        star = np.mean((rail - e)[on]) if on.any() else -e.min()
+        return np.where(on, rail, e + star), star
+
+    def rhs(self, t, x):
+        u, star = self.potentials(t, x[3])
+        current = np.where(self.sides != 0, (self.emf(t) + star - u) / self.L, 0.0)
+        return np.r_[current, (np.maximum(x[:3], 0).sum() - x[3] / self.R) / self.C]
+
+    def margins(self, t, x):
+        """Positive while the sides stay: currents of conducting phases, reverse voltages of blocking ones."""
+        u, _ = self.potentials(t, x[3])
+        if not self.sides.any():
+            return np.full(3, x[3] - (u.max() - u.min()))
+        return np.where(self.sides != 0, self.sides * x[:3], np.minimum(u, x[3] - u))
+
+    def switch(self, t, x, k):
+        u, _ = self.potentials(t, x[3])
+        if not self.sides.any():
+            self.sides[np.argmax(u)], self.sides[np.argmin(u)] = 1, -1
+        elif self.sides[k] != 0:
+            x[k] = 0.0
+            self.sides[k] = 0
+            if np.count_nonzero(self.sides) == 1:
+                self.sides[:] = 0
+                x[:3] = 0.0
+        else:
+            self.sides[k] = 1 if x[3] - u[k] < u[k] else -1
+
+    def solve(self, x, end, h):
+        """Runge-Kutta 4 with steps h; a step after which a margin is negative ends where that margin is zero."""
+
+        def step(t, x, h):
+            k1 = self.rhs(t, x)
+            k2 = self.rhs(t + h / 2, x + h / 2 * k1)
+            k3 = self.rhs(t + h / 2, x + h / 2 * k2)
+            return x + h / 6 * (k1 + 2 * k2 + 2 * k3 + self.rhs(t + h, x + h * k3))
+
+        t, switches = 0.0, 0
+        while end - t > 1e-12 * end:
+            length = min(h, end - t)
+            y = step(t, x, length)
+            k = int(np.argmin(self.margins(t + length, y)))
+            if self.margins(t + length, y)[k] < 0:
+                first, length = length, INFINITY
+                for i in range(3):  # the margin that is zero first
+                    at = lambda s, i=i: self.margins(t + s, step(t, x, s))[i]
+                    if at(first) < 0 and (zero := bisect(at, 0.0, first)) < length:
+                        length, k = zero, i
+                y = step(t, x, length)
+                self.switch(t + length, y, k)
+                switches += 1
+            t, x = t + length, y
+        return x, switches

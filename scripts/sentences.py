@@ -70,7 +70,8 @@ def given_steps():
         silent = [scene for scene in wrong if not scene["warning"]]
         decided = run["count"] - run["verdicts"]["undecided"]
         yield (f"With {run['steps']} steps {len(wrong)} of {decided} random scenes are off by more than {100 * limit:.0f} %, {len(silent)} of "
-               f"them without a word, {sum(scene['error_x'] > limit for scene in silent)} of these in x")
+               f"them without a word, {sum((scene['error_x'] or limit) > limit for scene in silent)} of these in x; "
+               f"{run['right_with_warning']} of {run['verdicts']['right']} right ones have a warning")
 
 
 sentences = {

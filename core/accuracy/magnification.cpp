@@ -212,7 +212,10 @@ Magnification magnification(const DiscreteProblem& p, Rule rule, const RowMatrix
   result.correction = states.correction;
   const RowMatrix input = state_input(p, y), driven = y * d->B.transpose(), terms = input * step.right.transpose();
   const RowMatrix rounded = rounding_of_steps(p, rule, step, x, input.cwiseAbs() * step.right.cwiseAbs().transpose());
-  result.scale = x.cwiseAbs().colwise().maxCoeff().transpose();
+  // A state that y and f hold at zero is rounding of what they move.
+  constexpr double cancelled = 1e-12;
+  const RowMatrix moved = driven.cwiseAbs() * step.right.cwiseAbs().transpose();
+  result.scale = x.cwiseAbs().colwise().maxCoeff().cwiseMax(cancelled * moved.colwise().maxCoeff()).transpose();
   const ScaledNorm norm(result.scale);
 
   TangentStep tangent(p, r);

@@ -198,9 +198,13 @@ Vector EventSteps::doubt(const SwitchedMode& mode, const Vector& of_y, const Vec
 // The part of the step on which y and w are nonnegative.
 void EventSteps::find_event(const SwitchedMode& mode, const EventPoint& p, EventStep& step) const {
   const Collocation& c = Collocation::get();
-  const JetValues size = p.sizes.with(step).u;
+  const EventSizes sizes = p.sizes.with(step);
+  const JetValues& size = sizes.u;
   const Vector of_y = terms(mode.y, size);
   const Vector of_w = system_.N.cwiseAbs() * size.x + system_.M.cwiseAbs() * of_y + size.g;
+  // A state that terms of x' hold at zero is rounding of these terms.
+  const Vector rounding = rounding_of_x(sizes), in_y = mode.y.x.cwiseAbs() * rounding,
+               in_w = system_.N.cwiseAbs() * rounding;
   if (!sources_agree(mode, size, step)) {
     step.valid = 0;
     step.event = mode.active.front();
@@ -214,7 +218,7 @@ void EventSteps::find_event(const SwitchedMode& mode, const EventPoint& p, Event
   for (Index i = 0; i < system_.constraints(); ++i) {
     const bool active = k < mode.active.size() && mode.active[k] == i;
     if (active) ++k;
-    const double zero = noise() * (active ? of_y[i] : of_w[i]) + 1e-290;
+    const double zero = noise() * (active ? of_y[i] : of_w[i]) + (active ? in_y[i] : in_w[i]) + 1e-290;
     const Vector coefficients = (active ? step.y : step.w).col(i);
     const double at = first_below(c.bernstein * coefficients, zero);
     if (at >= step.valid) continue;

@@ -153,7 +153,13 @@ std::optional<IterationOutcome> first_iterate(const DiscreteProblem& p, const Op
   timer.lap();
   const LcpReport report = lcp.solve(start ? *start : *q, v, y, 0);
   count(report, timer.lap(), result);
-  // q_0 does not change any more: infeasibility there is proven.
+  // q_0 does not change any more.
+  if (report.infeasible == 0 && may_have_impulse(p))
+    return IterationOutcome{Status::unsupported,
+                            text("at t = %.6g the state violates the constraints and has to jump; use method march or "
+                                 "auto",
+                                 p.t[0]),
+                            -1};
   if (report.infeasible == 0) return IterationOutcome{Status::infeasible, "no solution at t = 0", 0, 0};
   start_from_given(p, options, y);
   return std::nullopt;
@@ -218,12 +224,12 @@ void finish_iteration(const DiscreteProblem& p, const Options& options, const It
   result.well_posed = selects_one(p.lcp_class);
   if (outcome.infeasible >= 0) result.infeasible_at = p.t[outcome.infeasible];
   p.backend.download_during(y, result.y, [&] {
-    if (outcome.status == Status::infeasible) return;
+    if (outcome.status == Status::infeasible || outcome.status == Status::unsupported) return;
     result.alternates = p.backend.alternates(y, ringing_run, ringing_part);
     apply(y, v, 0);
     result.residual = lcp.residual(r, v, y);
   });
-  if (outcome.status == Status::infeasible) return;
+  if (outcome.status == Status::infeasible || outcome.status == Status::unsupported) return;
   if (options.trace) result.trace = trace(p, r, v);
   // Rows that had not settled when the iteration was stopped are not a solution.
   if (outcome.status == Status::interrupted || outcome.status == Status::nonfinite)

@@ -33,16 +33,17 @@ Index floor_log2(Index value) {
 }  // namespace
 
 DyadicParts::DyadicParts(const DiscreteProblem& p, bool from_start) : p_(p), last_(from_start ? 0 : -1) {
+  const double resolution = p.sources ? p.sources->resolution : 256 * epsilon * p.scene.T;
   if (p.scene.f && p.f.size() > 0) {
-    f_.emplace(p.scene.f, p.scene.sources(), p.sources->resolution);
+    f_.emplace(p.scene.f, p.scene.sources(), resolution);
     f_size_ = size_of(p.f);
   }
   if (p.scene.g) {
-    g_.emplace(p.scene.g, p.scene.constraints(), p.sources->resolution);
+    g_.emplace(p.scene.g, p.scene.constraints(), resolution);
     g_size_ = size_of(p.g);
   }
   Index layers = 1;
-  for (const RoughStep& rough : p.sources->rough) {
+  for (const RoughStep& rough : p.sources ? p.sources->rough : std::vector<RoughStep>()) {
     Division& d = divided_[rough.step] = divide(rough);
     layers += Index(d.jumps.size());
     const double end = p.t[rough.step];

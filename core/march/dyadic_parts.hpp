@@ -23,7 +23,7 @@ struct DyadicPart {
 
 class DyadicParts {
  public:
-  /// `from_start`: a layer begins at t = 0 too. Precondition: the problem has sources.
+  /// `from_start`: a layer begins at t = 0 too.
   DyadicParts(const DiscreteProblem&, bool from_start);
 
   /// The parts of a step, divided at the times `more` too, and with two of one unit at its end if `brief_at_end`. Call

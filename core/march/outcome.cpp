@@ -37,6 +37,10 @@ Start solve_at_zero(const DiscreteProblem& p, Result& result) {
   return start;
 }
 
+bool may_have_impulse(const DiscreteProblem& p) {
+  return selects_least_norm(p.lcp_class) || (!has_one_solution(p.lcp_class) && !is_regular(p.scene.M));
+}
+
 ProblemAtZero::ProblemAtZero(const DiscreteProblem& p)
     : p_(p),
       r_(p.backend.array(1, p.scene.constraints())),
@@ -61,9 +65,7 @@ Start ProblemAtZero::solve(Result& result, Vector& y0) const {
     ++result.lcp.solved;
     return Start::found;
   }
-  const bool left_open =
-      selects_least_norm(p_.lcp_class) || (!has_one_solution(p_.lcp_class) && !is_regular(p_.scene.M));
-  if (report.finite && left_open) return Start::impulse;
+  if (report.finite && may_have_impulse(p_)) return Start::impulse;
   const bool infeasible = report.infeasible == 0 || (report.finite && is_infeasible_at_zero(p_));
   result.status = infeasible ? Status::infeasible : Status::tolerance_not_met;
   result.reason = infeasible ? "no solution at t = 0" : "the problem at t = 0 stayed unsolved";

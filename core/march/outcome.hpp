@@ -15,6 +15,9 @@ enum class Start {
 /// Sizes result.y, fills it with NaN, and sets row 0 to y_0 if `found`.
 Start solve_at_zero(const DiscreteProblem&, Result&);
 
+/// Whether M leaves room for an impulse of y that moves the state, where the problem of an instant has no solution.
+bool may_have_impulse(const DiscreteProblem&);
+
 /// The prepared complementarity problem at t = 0. Refers to the discrete problem.
 class ProblemAtZero {
  public:

@@ -244,7 +244,9 @@ bool takes_limits_at_points(const DiscreteProblem& p) { return has_one_solution(
 StageGrid make_grid(const DiscreteProblem& p, Index stages, LayersOf layers_of, const Contacts& contacts) {
   if (stages == 1) return whole_steps(p);
   const bool all = layers_of == LayersOf::all_jumps;
-  if (!p.small_state()) return p.sources ? steps_in_dyadic_parts(p, all, contacts) : whole_steps(p);
+  const bool impulse_at_start = layers_of == LayersOf::impulses_and_start;
+  if (!p.small_state())
+    return p.sources || impulse_at_start ? steps_in_dyadic_parts(p, all || impulse_at_start, contacts) : whole_steps(p);
   Layers layers(p, layers_of);
   if (!p.sources && layers.none()) return whole_steps(p);
   return steps_in_parts(p, layers, contacts);

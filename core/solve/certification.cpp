@@ -122,6 +122,7 @@ void Certification::certify(Method method, Result& result) {
   if (result.status == Status::solved) resolve_modes(method, m.x, result);
   if (rational && result.status == Status::solved) doubt_growth(method, growth_rate(p), result);
   if (result.status == Status::solved) doubt_many_jumps(method, result);
+  if (result.status == Status::solved && result.warning.empty()) estimate_errors_at_jumps(method, result);
   if (result.status == Status::solved) look_for_other_solutions(result);
 }
 

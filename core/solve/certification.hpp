@@ -36,6 +36,7 @@ class Certification {
   void resolve_modes(Method, const RowMatrix& x, Result&);
   void doubt_growth(Method, double rate, Result&);
   void doubt_many_jumps(Method, Result&);
+  void estimate_errors_at_jumps(Method, Result&);
   void look_for_other_solutions(Result&);
   Result with_half_the_step(Method, Methods& half);
   struct Slack {

@@ -163,10 +163,12 @@ void Methods::march(const InnerOptions& options, Result& result) {
 }
 
 // Without a small state, weights of steps hold no parts of steps. The stages of parts do, where n x n matrices are
-// small enough for one of each length.
+// small enough for one of each length. y needs them where g jumps, and recorded states, which take a solve a step
+// anyway, where f does.
 bool Methods::divides_in_stages() const {
   if (!problem_.sources || problem_.scene.constraints() > largest_divided) return false;
-  return problem_.sources->jumps_of_g;
+  const bool records = !problem_.components.empty() && problem_.scene.dynamics->matrices();
+  return problem_.sources->jumps_of_g || records;
 }
 
 // Small states are recorded whole, and the requested components are taken from them.

@@ -27,7 +27,8 @@ void validate(const Scene& scene, const Options& options) {
   for (const auto& [name, value] : {std::pair("tolerance", options.tolerance),
                                     {"tolerance_x", options.tolerance_x},
                                     {"tolerance_y", options.tolerance_y}})
-    if (!(value >= 0) || !(value < 1)) throw Error(name, text("found %g", value), "give a number between 0 and 1");
+    if (!(value >= 0) || !std::isfinite(value) || (value >= 1 && options.method != Method::goal))
+      throw Error(name, text("found %g", value), "give a number between 0 and 1");
   if (!(options.absolute_tolerance >= 0) || !std::isfinite(options.absolute_tolerance))
     throw Error("absolute_tolerance", text("found %g", options.absolute_tolerance), "give a positive number");
   if (options.max_steps < 1 || options.max_steps > most_steps)

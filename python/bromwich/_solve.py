@@ -247,8 +247,10 @@ def _options(
         raise Error(f"{found}{suggestion(method, words.split(', '))}; use one of {words}", "method") from None
     o.trace = True
     o.event_location = bool(event_location)
-    tolerances = [_tolerance(t, name) for t, name in ((tol, "tol"), (tol_x, "tol_x"), (tol_y, "tol_y")) if t is not None]
-    if tolerances:
+    absolute = method == "goal"  # of its quantity
+    given = [(t, name) for t, name in ((tol, "tol"), (tol_x, "tol_x"), (tol_y, "tol_y")) if t is not None]
+    tolerances = [_tolerance(t, name, absolute) for t, name in given]
+    if tolerances and not absolute:
         o.iteration_tolerance = max(1e-3 * min(tolerances), o.iteration_tolerance)
     for attribute, name, kind, value in (
         ("steps", "steps", whole_number, steps),
@@ -268,8 +270,10 @@ def _options(
     return o
 
 
-def _tolerance(value: Any, name: str) -> float:
+def _tolerance(value: Any, name: str, absolute: bool) -> float:
     found = number(value, name)
+    if absolute and 0 < found < float("inf"):
+        return found
     if not 0 < found < 1:
         raise Error(f"{name}: found {value!r}; give a number between 0 and 1, or None for one grid", name)
     return found

@@ -70,6 +70,8 @@ TEST_F(CliGoal, SolvesForTheQuantityOfAFile) {
   EXPECT_EQ(goal["quantity"], "square");
   EXPECT_NEAR(goal["history"].back()["quantity"], (1 - std::exp(-2)) / 2, 1e-4);
   EXPECT_NEAR(goal["history"].back()["effectivity"], 1, 0.1);
+  goal = tried("W = [[1e6]]\nexact = \"1e6*(1-exp(-2))/2\"\n", "--tol 100 --scheme midpoint");  // absolute
+  EXPECT_NEAR(goal["history"].back()["quantity"], 1e6 * (1 - std::exp(-2)) / 2, 100);
   goal = tried("c = [\"t\"]\nend_c = [2]\nend_W = [[3]]\n", "--tol 1e-5 --scheme exponential");
   EXPECT_NEAR(goal["history"].back()["quantity"], 1 - 2 * std::exp(-1) + 2 * std::exp(-1) + 3 * std::exp(-2), 1e-5);
   EXPECT_EQ(goal["exact"], nullptr);

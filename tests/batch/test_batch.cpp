@@ -78,7 +78,11 @@ BatchResult expect_as_single(const Batch& batch, const Options& options, const s
     const std::string where = what + ", scene " + std::to_string(k);
     EXPECT_EQ(found.status[std::size_t(k)], one.status) << where << ": " << one.reason;
     EXPECT_EQ(found.reason[std::size_t(k)], one.reason) << where;
-    EXPECT_EQ(found.warning[std::size_t(k)], one.warning) << where;
+    // Scenes side by side are not compared with other steps (docs/batches.md).
+    const bool estimated = one.warning.starts_with("with these steps the result is off") ||
+                           one.warning.starts_with("y jumps inside steps");
+    EXPECT_TRUE(found.warning[std::size_t(k)] == one.warning || (estimated && found.warning[std::size_t(k)].empty()))
+        << where << ": '" << found.warning[std::size_t(k)] << "', '" << one.warning << "'";
     EXPECT_EQ(found.method[std::size_t(k)], one.method) << where;
     EXPECT_LE(apart(found.of(found.y, k), one.y), same) << where;
     EXPECT_LE(apart(found.of(found.x, k), one.x), same) << where;
