@@ -58,9 +58,6 @@ void tell_unsettled_rows(const DiscreteProblem& p, const RowMatrix& settled, Res
                            long(rows.count), long(p.J), 100 * rows.error, p.t[rows.first]));
 }
 
-// Elsewhere the order 1 of implicit Euler is what was asked for, and half the steps would cost half its time again.
-bool leaves_y_open(LcpClass c) { return !has_one_solution(c) && !selects_least(c); }
-
 // The error of the steps, if half and twice as many differ from them by these.
 double error_by_ratio(double half, double twice) {
   const double ratio = std::isfinite(half) && half > 0 ? std::min(twice / half, most_ratio) : most_ratio;
@@ -92,7 +89,7 @@ void Certification::estimate_errors_at_jumps(Method method, Result& result) {
     cause = "the state jumps";
   else if (p.sources)
     cause = "sources jump or change fast inside steps";
-  else if (euler && dense && leaves_y_open(p.lcp_class))
+  else if (euler && dense && !is_continuous(p.lcp_class))  // elsewhere its order is what was asked for
     cause = "implicit Euler has order 1";
   else if (dense && !result.continuous && starts_fast(p, own.x, own))
     cause = "the state starts faster than a step follows";
