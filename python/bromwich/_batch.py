@@ -34,8 +34,6 @@ class BatchResult:
         reason, warning: K lines; empty where there is nothing to say.
         method: K words, the method that solved each scene.
         t: times of the rows: J+1 time points, or the ``times`` that were given.
-        y, w: K x (J+1) x n; NaN where a scene has no value.
-        x: K x (J+1) x the number of recorded components, which are ``x_components``.
         residual: K values, max over time of ||min(y, w)|| / max(1, ||N x + g||), maximum norms.
         infeasible_at: K times; NaN where there is none.
         in_lanes: scenes that were stepped side by side.
@@ -58,14 +56,17 @@ class BatchResult:
 
     @cached_property
     def y(self) -> np.ndarray:
+        """K x (J+1) x n; NaN where a scene has no value."""
         return self._rows("y")
 
     @cached_property
     def w(self) -> np.ndarray:
+        """w = N x + M y + g, K x (J+1) x n."""
         return self._rows("w")
 
     @cached_property
     def x(self) -> np.ndarray:
+        """K x (J+1) x the number of recorded components, which are ``x_components``."""
         return self._rows("x")
 
     def _rows(self, name: str) -> np.ndarray:
