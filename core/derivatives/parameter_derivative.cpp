@@ -100,7 +100,7 @@ std::vector<ParameterNeighbours> all_neighbours(const std::vector<VariedParamete
   if (result.status != Status::solved || result.t.size() < 2)
     throw Error("derivative", text("the result is not solved (%s)", to_string(result.status)),
                 "differentiate a result with status solved");
-  if (parameters.empty()) throw Error("parameters", "are none", "name one or more");
+  if (parameters.empty()) throw Error("parameters", "is empty", "name one or more");
   std::vector<ParameterNeighbours> all;
   for (const VariedParameter& p : parameters) all.push_back(neighbours_of(p, scene, result.t, is_written_out(scene)));
   return all;

@@ -48,7 +48,7 @@ ResultDerivative::ResultDerivative(const Scene& scene, const Result& result, Bac
   };
   if (choice.located.value_or(jumps && !all_times)) {
     if (!solved) throw Error("derivative", "the result is not solved", "differentiate a result with status solved");
-    if (all_times) throw Error("located", "is asked for over all time points", "leave one of them out");
+    if (all_times) throw Error("located", "is given together with all_times", "leave one of them out");
     locate();
     return;
   }

@@ -19,7 +19,7 @@ enum class DerivativeForm : char { discrete, modes, all_times, boundary, located
 /// "discrete solution", "modes", "over all time points", "boundary values" or "located switches".
 const char* to_string(DerivativeForm);
 
-/// What is asked for, where several derivatives fit.
+/// Which derivative to take, where several fit.
 struct DerivativeChoice {
   /// With located switches, or without. Not given: where y may jump, and where the derivative of the discrete solution
   /// is refused and the scene is small enough.

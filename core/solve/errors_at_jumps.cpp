@@ -89,7 +89,7 @@ void Certification::estimate_errors_at_jumps(Method method, Result& result) {
     cause = "the state jumps";
   else if (p.sources)
     cause = "sources jump or change fast inside steps";
-  else if (euler && dense && !is_continuous(p.lcp_class))  // elsewhere its order is what was asked for
+  else if (euler && dense && !is_continuous(p.lcp_class))  // elsewhere y is continuous, and first order is expected
     cause = "implicit Euler has order 1";
   else if (dense && !result.continuous && starts_fast(p, own.x, own))
     cause = "the state starts faster than a step follows";

@@ -52,7 +52,7 @@ class ParameterDerivative:
             for name in names:
                 _require(name in known, "parameters", f"found {name!r}", f"use parameters of the scene: {', '.join(known)}")
             values = {name: known[name] for name in names}
-        _require(bool(values), "parameters", "are none", "name one or more")
+        _require(bool(values), "parameters", "is empty", "name one or more")
 
         def model(name: str, value: float) -> _core.Model:
             made = scene._with(name, value) if scene_of is None else scene_of(**{**values, name: value})

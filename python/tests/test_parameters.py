@@ -124,7 +124,7 @@ def test_refusals(circuit):
     r = solve(circuit())
     for given, message in [
         (dict(parameters=["Q"]), "found 'Q'; use parameters of the scene: C, R, v0"),
-        (dict(parameters=[]), "are none"),
+        (dict(parameters=[]), "is empty"),
         (dict(parameters={"R": 1.0}), "without scene_of"),
         (dict(parameters=["R"], scene_of=circuit), "no values for scene_of"),
         (dict(scene_of=circuit), "without parameters"),

@@ -352,7 +352,7 @@ TEST(ParameterDerivative, Refuses) {
   const auto backend = make_cpu_backend(1);
   const Scene scene = with([](Scene&, double) {})(1);
   Result bad = solved_with(scene, 20);
-  EXPECT_NE(refusal([&] { ParameterDerivative(scene, bad, *backend, {}); }).find("are none"), std::string::npos);
+  EXPECT_NE(refusal([&] { ParameterDerivative(scene, bad, *backend, {}); }).find("is empty"), std::string::npos);
   bad.status = Status::infeasible;
   EXPECT_NE(refusal([&] {
               ParameterDerivative(scene, bad, *backend, {parameter(with([](Scene&, double) {}), 1)});
