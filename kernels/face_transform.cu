@@ -12,7 +12,6 @@
 #include "kernels/parts.hpp"
 #include "kernels/transform_rows.cuh"
 
-#include "core/base/error.hpp"
 #include "core/numerics/sine_basis.hpp"
 
 #include <algorithm>
@@ -260,21 +259,34 @@ class FaceProduct final : public RowTransform {
   Memory<double> of_lines_, of_points_;
 };
 
+// Two neighbouring directions with the fewest points together become one: P (x) Q.
+void join_shortest(std::vector<Matrix>& products) {
+  std::size_t at = 0;
+  for (std::size_t i = 1; i + 1 < products.size(); ++i)
+    if (products[i].rows() * products[i + 1].rows() < products[at].rows() * products[at + 1].rows()) at = i;
+  const Matrix P = products[at], Q = products[at + 1];
+  Matrix joined(P.rows() * Q.rows(), P.cols() * Q.cols());
+  for (Index i = 0; i < P.rows(); ++i)
+    for (Index j = 0; j < P.cols(); ++j) joined.block(i * Q.rows(), j * Q.cols(), Q.rows(), Q.cols()) = P(i, j) * Q;
+  products[at] = joined;
+  products.erase(products.begin() + std::ptrdiff_t(at) + 1);
+}
+
 }  // namespace
 
 std::unique_ptr<RowTransform> make_face_transform(const Device& device, const FaceBasis& basis, Way way) {
   if (basis.empty()) return nullptr;
-  const auto two_sides = [](const LineBasis& direction) { return direction.points == 2 && direction.V; };
-  if (basis.size() > 2 || std::any_of(basis.directions().begin(), basis.directions().end(), two_sides))
-    throw Error("backend", "found 'cuda' for contact on two sides in modes", "use the cpu backend, or method march");
   const std::vector<Index> extents = basis.extents();
   if (basis.is_sine() && FaceKernels::take(extents)) return std::make_unique<FastFace>(device, extents);
   const auto matrix = [&](std::size_t direction) {
     const Matrix V = basis.directions()[direction].matrix();
     return way == Way::to_modes ? Matrix(V.transpose()) : V;
   };
-  if (basis.size() == 1) return make_row_product(device, matrix(0));
-  return std::make_unique<FaceProduct>(device, matrix(0), matrix(1));
+  std::vector<Matrix> products;
+  for (std::size_t i = 0; i < basis.size(); ++i) products.push_back(matrix(i));
+  while (products.size() > 2) join_shortest(products);
+  if (products.size() == 1) return make_row_product(device, products[0]);
+  return std::make_unique<FaceProduct>(device, products[0], products[1]);
 }
 
 }  // namespace bromwich::cuda

@@ -19,8 +19,7 @@ std::unique_ptr<RowTransform> make_sine_product(const Device&, Index n);
 std::unique_ptr<RowTransform> make_sine_fft(const Device&, Index n, Index rows);
 /// Rows P^T for an n x n matrix P.
 std::unique_ptr<RowTransform> make_row_product(const Device&, const Matrix& P);
-/// Throws Error for contact on two sides, whose convolutions are not right on devices yet. A side with sine modes takes
-/// `make_sine_transform`.
+/// Three directions and more: the shortest ones together. A side with sine modes takes `make_sine_transform`.
 std::unique_ptr<RowTransform> make_face_transform(const Device&, const FaceBasis&, Way);
 std::unique_ptr<Convolution> make_convolution(const Device&, const DenseRecurrence&, Index rows);
 std::unique_ptr<Convolution> make_convolution(const Device&, const ModalRecurrence&, Index rows);

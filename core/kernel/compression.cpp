@@ -207,6 +207,7 @@ ModalRecurrence compressed_recurrence(Backend& backend, const KroneckerDynamics&
   const Vector mu = dynamics.face_eigenvalues();
   ModalRecurrence r;
   r.face = dynamics.face_basis();
+  r.families = dynamics.families();
   r.decay.resize(K, n);
   r.output.resize(K, n);
   r.start.resize(K, n);

@@ -208,6 +208,7 @@ class ModalOperator : public TimeOperator {
     if (!(fit.error <= accepted_compression_error) || (!chosen && 2 * K > dynamics_.across.points)) return std::nullopt;
     ModalRecurrence r;
     r.face = p_.face();
+    r.families = dynamics_.families();
     r.decay.resize(K, n);
     r.output.resize(K, n);
     r.start = RowMatrix::Zero(K, n);

@@ -42,6 +42,7 @@ ModalRecurrence modal_recurrence(const KroneckerDynamics& dynamics, Rule rule, d
   const Matrix b = dynamics.inputs_in_modes();
   ModalRecurrence r;
   r.face = dynamics.face_basis();
+  r.families = dynamics.families();
   r.decay.resize(K, n);
   r.output.resize(K, n);
   r.start.resize(K, n);

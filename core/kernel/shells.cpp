@@ -8,6 +8,7 @@
 #include <cmath>
 #include <map>
 #include <numeric>
+#include <utility>
 
 namespace bromwich {
 
@@ -65,7 +66,7 @@ Shells in_shells(const ModalRecurrence& r, Index steps, Index together, Index ro
   const Index n = r.modes(), K = r.exponentials();
   Shells shells{r, {}, 0};
   ModalRecurrence& s = shells.recurrence;
-  std::map<int, ShellFit> fits;  // by the level of the slowest mode
+  std::map<std::pair<Index, int>, ShellFit> fits;  // by the family and the level of the slowest mode
   const auto slowest_of = [&](Index first, Index last) {
     Index slowest = first;
     for (Index l = first; l < last; ++l)
@@ -93,10 +94,12 @@ Shells in_shells(const ModalRecurrence& r, Index steps, Index together, Index ro
   std::stable_sort(groups.begin(), groups.end(),
                    [&](Index a, Index b) { return speed(slowest[std::size_t(a)]) < speed(slowest[std::size_t(b)]); });
   for (const Index g : groups) {
+    if (r.family(g * together) != r.family(std::min((g + 1) * together, n) - 1)) continue;  // a fit is for one family
     const Index l0 = slowest[std::size_t(g)];
     const int level = int(std::floor(levels_per_octave * 2 * std::log2(std::max(speed(l0), 1e-12))));
-    if (!fits.contains(level)) fits.emplace(level, fit_of(l0));
-    const ShellFit& fit = fits.at(level);
+    const auto [place, is_new] = fits.try_emplace({r.family(l0), level});
+    if (is_new) place->second = fit_of(l0);
+    const ShellFit& fit = place->second;
     const Index kept = Index(fit.order.size());
     shells.counts[std::size_t(g)] = kept;
     shells.error = std::max(shells.error, fit.error);

@@ -2,7 +2,7 @@
 // Fewer exponentials for the modes with a short memory. A recurrence has the same rates s_k for all modes, mode l
 // decays with s_k + mu_l. For a fast mu_l the kernel is needed on a few steps alone, where few of the rates already
 // span all others. Modes are taken in groups of neighbours; each group keeps the rates that it needs, in its first
-// rows.
+// rows. A group of two families (ModalRecurrence::families) keeps all.
 
 #include "../seam/recurrence.hpp"
 

@@ -52,9 +52,13 @@ struct ModalRecurrence {
   Vector s1;          ///< n: the same for the weight of y_0
   /// Modes of a face of n points. Empty: sine modes of a side.
   FaceBasis face = {};
+  /// The modes come in this many blocks of one length. Within a block all modes have the same exponentials but for
+  /// their own decay: rates s_k + mu_l with amplitudes c_k.
+  Index families = 1;
 
   Index modes() const { return w0.size(); }
   Index exponentials() const { return decay.rows(); }
+  Index family(Index mode) const { return mode * families / modes(); }
   FaceBasis basis() const { return face.empty() ? FaceBasis{modes()} : face; }
 };
 

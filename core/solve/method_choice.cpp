@@ -50,7 +50,6 @@ bool faster_on_device(const BackendTraits& device, const BackendTraits& host, co
                       Index J, bool started) {
   const LcpClass lcp_class = known_class(scene.M, scene.lcp_class);
   if (!is_fitted(scene, lcp_class)) return false;
-  if (const KroneckerDynamics* modes = scene.dynamics->modes(); modes && modes->both_faces) return false;  // refused
   if (method == Method::contour || method == Method::multigrid)
     return double(J) * double(scene.constraints()) >= device.fewest_values;
   if (method != Method::march && method != Method::automatic) return false;

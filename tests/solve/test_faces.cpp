@@ -16,6 +16,7 @@
 
 #include <Eigen/Eigenvalues>
 
+#include <algorithm>
 #include <cmath>
 #include <memory>
 #include <utility>
@@ -135,6 +136,22 @@ TEST(Shells, KeepTheWeightsWithFewerRates) {
   const double scale = a.W.cwiseAbs().maxCoeff();
   EXPECT_LE((a.W - b.W).cwiseAbs().maxCoeff(), 1e-10 * scale);
   EXPECT_LE((a.S - b.S).cwiseAbs().maxCoeff(), 1e-10 * scale);
+}
+
+// The sums and differences of two faces have amplitudes of their own. 135 modes of each are no whole groups of 16.
+TEST(Shells, FitEachFamilyAlone) {
+  KroneckerDynamics d{{15, 1 / 16., 0.5}, {24, 1 / 25., 0.02}, Vector::Unit(24, 0), -Vector::Unit(24, 0)};
+  d.beside = {{9, 1 / 17., 0.5}};
+  d.both_faces = true;
+  const Index J = 256;
+  const ModalRecurrence given = modal_recurrence(d, Rule::exponential, 2.0 / double(J), RowMatrix());
+  const Shells shells = in_shells(given, J, 16, 4);
+  EXPECT_LE(shells.error, 1e-11);
+  EXPECT_LT(*std::min_element(shells.counts.begin(), shells.counts.end()), 24);
+  EXPECT_EQ(shells.counts[135 / 16], 24) << "the group of both families";
+  const LagTable a = lag_table(given, J), b = lag_table(shells.recurrence, J);
+  EXPECT_LE((a.W - b.W).cwiseAbs().maxCoeff(), 1e-10 * a.W.cwiseAbs().maxCoeff());
+  EXPECT_LE((a.S - b.S).cwiseAbs().maxCoeff(), 1e-10 * a.W.cwiseAbs().maxCoeff());
 }
 
 class Faces : public BackendTest {};
