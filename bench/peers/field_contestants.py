@@ -74,6 +74,45 @@ class Petsc:
         return found["y"], found["w"], facts
 
 
+class Siconos:
+    """EulerMoreauOSI, theta = 1, sparse storage, factorised once, Lemke's method for the LCP of a step
+    (bench/peers/siconos_loop.cpp). Its file has f at all steps and states, so that a large field is stepped through the first
+    `most` / m steps alone. Its time is that of all steps, at the pace of those done. The first step has the factorization
+    and the matrix of the LCP, and counts as set-up."""
+
+    name, scheme, threads = "Siconos", "implicit Euler", 1
+    most = 40_000_000  # values of f
+
+    def __init__(self, field, folder, program, limit):
+        self.field, self.folder, self.program, self.limit = field, pathlib.Path(folder), program, limit
+
+    def run(self, steps):
+        problem, result = self.folder / "siconos.problem", self.folder / "siconos.result"
+        n, given = self.field.cells, min(steps, max(20, self.most // self.field.A.shape[0]))
+        self.write(steps, given, problem)
+        answer = last_line([str(self.program), str(problem), str(result), "sparse", "once", "1", str(self.limit)])
+        done, setup = answer["steps"], answer["setup"] + answer["first"]
+        y, contacts = np.fromfile(result).reshape(-1, 2, n).swapaxes(0, 1)
+        y, contacts = (np.vstack([np.zeros(n), values]) for values in (y, contacts))
+        facts = {
+            "status": "failed" if answer["failures"] else "solved" if done == steps else f"stopped after {done} steps",
+            "steps_done": done,
+            "seconds": {"total": setup + (answer["loop"] - answer["first"]) * (steps - 1) / max(done - 1, 1), "setup": setup},
+            "seconds_measured": answer["setup"] + answer["loop"],
+        }
+        return y, contacts + self.field.compliance * y + self.field.g(steps)[: done + 1], facts
+
+    def write(self, steps, given, path):
+        """As siconos_loop.cpp reads it."""
+        f, A, m, n = self.field, self.field.A.tocoo(), self.field.A.shape[0], self.field.cells
+        sizes, entries = [m, n, A.nnz, given, n, f.T / steps], np.stack([A.row, A.col, A.data], axis=1)
+        matrices = [f.B.toarray(), f.N.toarray(), f.M.toarray()]
+        sources = [np.zeros(given * m), f.g(steps)[1 : given + 1]]
+        with open(path, "wb") as file:
+            for part in [sizes, entries, *matrices, np.zeros(2 * m), f.contacts, *sources]:
+                np.ravel(part).astype(float).tofile(file)
+
+
 def write_arrays(f, steps, path):
     """As field_march.py and field_petsc.py read it."""
     A = f.A.tocsr()

@@ -1,13 +1,14 @@
 // One Siconos simulation of x' = A x + B y + f, 0 <= y ⊥ w = N x + M y + g >= 0, by a Moreau time-stepping scheme with
 // an LCP a step; built and started by scripts/bench_peers. Reads a problem, writes y and the observed components of x
-// at all steps, prints {"setup": s, "loop": s, "failures": k}.
+// at all steps, prints {"setup": s, "loop": s, "first": s, "failures": k, "steps": j}; "first": of the first step.
 //
-//   siconos_loop PROBLEM RESULT dense|sparse step|once THETA
+//   siconos_loop PROBLEM RESULT dense|sparse step|once THETA [SECONDS]
 //
 // dense|sparse  storage of A and of the iteration matrix I - h theta A
 // step|once     how often that matrix is factorised and the matrix of the LCP formed: step is the default of
 //               TimeStepping; for once see FactorisedOnce and keep_lcp_matrix
 // THETA         theta and gamma of EulerMoreauOSI; 1 is the implicit Euler method
+// SECONDS       no step begins later than this after the first; the result has the steps done
 //
 // here          Siconos                    file, all entries double, matrices by rows
 // m, n, J       -                          m, n, nonzeros of A, J, observed components of x, h
@@ -24,6 +25,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <fstream>
+#include <limits>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -170,13 +172,15 @@ Model build(const Problem& problem, bool sparse, bool once, double theta) {
   return model;
 }
 
-/// y and the observed components of x at all steps.
-std::vector<double> advance(Model& model, const Problem& problem, bool once) {
+/// y and the observed components of x at all steps that begin within `limit` seconds; `first`: seconds of the first
+/// one.
+std::vector<double> advance(Model& model, const Problem& problem, bool once, double limit, double& first) {
   const unsigned m = problem.m, n = problem.n;
   const SiconosVector &y = *model.interaction->lambda(0), &x = *model.system->x();
   std::vector<double> result;
   result.reserve(std::size_t(problem.J) * (n + problem.observed));
-  for (std::size_t j = 0; j < problem.J; ++j) {
+  const auto start = Clock::now();
+  for (std::size_t j = 0; j < problem.J && seconds_since(start) <= limit; ++j) {
     for (unsigned i = 0; i < m; ++i) (*model.b)(i) = problem.f[j * m + i];
     for (unsigned i = 0; i < n; ++i) (*model.e)(i) = problem.g[j * n + i];
     model.simulation->computeOneStep();
@@ -184,11 +188,12 @@ std::vector<double> advance(Model& model, const Problem& problem, bool once) {
     for (const double component : problem.components) result.push_back(x(unsigned(component)));
     model.simulation->nextStep();
     if (once) keep_lcp_matrix(*model.lcp, *model.whole);
+    if (j == 0) first = seconds_since(start);
   }
   return result;
 }
 
-void run(char** arguments) {
+void run(int count, char** arguments) {
   const bool sparse = arguments[3] == std::string("sparse"), once = arguments[4] == std::string("once");
   const Problem problem(Reader(arguments[1]), sparse);
 
@@ -197,23 +202,26 @@ void run(char** arguments) {
   const double setup_seconds = seconds_since(setup);
 
   const auto loop = Clock::now();
-  const std::vector<double> result = advance(model, problem, once);
+  double first = 0;
+  const double limit = count > 6 ? std::atof(arguments[6]) : std::numeric_limits<double>::infinity();
+  const std::vector<double> result = advance(model, problem, once, limit, first);
   const double loop_seconds = seconds_since(loop);
 
   std::ofstream(arguments[2], std::ios::binary)
       .write(reinterpret_cast<const char*>(result.data()), std::streamsize(result.size() * sizeof(double)));
-  std::printf("\n{\"setup\": %.9g, \"loop\": %.9g, \"failures\": %d}\n", setup_seconds, loop_seconds, failures);
+  std::printf("\n{\"setup\": %.9g, \"loop\": %.9g, \"first\": %.9g, \"failures\": %d, \"steps\": %zu}\n", setup_seconds,
+              loop_seconds, first, failures, result.size() / (problem.n + problem.observed));
 }
 
 }  // namespace
 
 int main(int count, char** arguments) {
-  if (count != 6) {
-    std::fprintf(stderr, "siconos_loop PROBLEM RESULT dense|sparse step|once THETA\n");
+  if (count != 6 && count != 7) {
+    std::fprintf(stderr, "siconos_loop PROBLEM RESULT dense|sparse step|once THETA [SECONDS]\n");
     return 2;
   }
   try {
-    run(arguments);
+    run(count, arguments);
   } catch (...) {
     Siconos::exception::process();
     return 1;

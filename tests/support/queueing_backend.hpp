@@ -2,8 +2,8 @@
 // A backend that queues like a device: batches and marches are submitted and collected, operations are recorded and
 // replayed. The CPU does the work, at once.
 
-#include "core/seam/backend.hpp"
 #include "cpu/cpu_backend.hpp"
+#include "tests/support/forwarding_backend.hpp"
 
 #include <utility>
 
@@ -18,10 +18,10 @@ struct QueueLog {
   long failures = 1;   ///< number of failing batches
 };
 
-class QueueingBackend final : public Backend {
+class QueueingBackend final : public ForwardingBackend {
  public:
-  explicit QueueingBackend(QueueLog& log) : Backend("queueing"), log_(log), host_(make_cpu_backend(1)) {
-    fused_ = host_->fused();
+  explicit QueueingBackend(QueueLog& log) : ForwardingBackend("queueing", make_cpu_backend(1)), log_(log) {
+    fused_ = inner().fused();
     fused_.record = [this](Index, const std::function<void()>& operations) -> std::function<void()> {
       return [this, operations] {
         ++log_.replays;
@@ -30,25 +30,11 @@ class QueueingBackend final : public Backend {
     };
   }
 
-  DeviceInfo device() const override { return host_->device(); }
-  std::unique_ptr<Array> array(Index rows, Index cols) override { return host_->array(rows, cols); }
-  void upload(const RowMatrix& from, Array& to) override { host_->upload(from, to); }
-  void download(const Array& from, RowMatrix& to) override { host_->download(from, to); }
-  void inject(const Array& fine, Array& coarse) override { host_->inject(fine, coarse); }
-  void interpolate(const Array& coarse, const Array* old, Array& fine) override {
-    host_->interpolate(coarse, old, fine);
-  }
-  void add(const Array& b, double s, const Array& c, Array& a) override { host_->add(b, s, c, a); }
-  std::unique_ptr<Differences> differences(std::size_t slots) override { return host_->differences(slots); }
-  std::unique_ptr<RowTransform> sine_transform(Index n, Index rows) override { return host_->sine_transform(n, rows); }
-  std::unique_ptr<Convolution> convolution(WeightsRef weights, Index rows) override {
-    return host_->convolution(weights, rows);
-  }
   std::unique_ptr<LcpBatch> shifted_lcp(const LcpMatrix& M, LcpClass c, double D, Index rows) override {
-    return std::make_unique<Batch>(log_, *host_, host_->shifted_lcp(M, c, D, rows));
+    return std::make_unique<Batch>(log_, inner(), inner().shifted_lcp(M, c, D, rows));
   }
   std::unique_ptr<March> march(const MarchProblem& problem, Index rows) override {
-    return std::make_unique<QueuedMarch>(log_, host_->march(problem, rows));
+    return std::make_unique<QueuedMarch>(log_, inner().march(problem, rows));
   }
 
  private:
@@ -109,7 +95,6 @@ class QueueingBackend final : public Backend {
   };
 
   QueueLog& log_;
-  std::unique_ptr<Backend> host_;
 };
 
 }  // namespace bromwich

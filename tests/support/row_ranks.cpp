@@ -4,6 +4,7 @@
 #include "core/slabs/slab_array.hpp"
 #include "core/slabs/slab_backend.hpp"
 #include "core/slabs/slab_states.hpp"
+#include "tests/support/forwarding_backend.hpp"
 #include "tests/support/reference_backend.hpp"
 
 #include <utility>
@@ -100,9 +101,9 @@ class LateLcp final : public LcpBatch {
   std::unique_ptr<LcpBatch> inner_;
 };
 
-class RowBackend final : public Backend {
+class RowBackend final : public ForwardingBackend {
  public:
-  RowBackend() : Backend("rows"), inner_(make_reference_backend()) {
+  RowBackend() : ForwardingBackend("rows", make_reference_backend()) {
     // As a device: what is recorded runs when it is replayed, and the host has no part in it.
     fused_.record = [this](Index, const std::function<void()>& operations) {
       recording_ = true;
@@ -111,93 +112,74 @@ class RowBackend final : public Backend {
       return operations;
     };
     fused_.face_transform = [this](const FaceBasis& basis, Index rows, Way way) {
-      return inner_->face_transform(basis, rows, way);
+      return inner().face_transform(basis, rows, way);
     };
     staged_.take_stages = [this](const Array& stages, Array& first, Array& second) {
-      inner_->take_stages(stages, first, second);
+      inner().take_stages(stages, first, second);
     };
     staged_.put_stages = [this](const Array& first, const Array& second, Array& stages) {
-      inner_->put_stages(first, second, stages);
+      inner().put_stages(first, second, stages);
     };
     staged_.sweep_stages = [this](const StageDivisors& d, const Array& r, const Array& v, Array& y) {
-      inner_->sweep_stages(d, r, v, y);
+      inner().sweep_stages(d, r, v, y);
     };
     staged_.restrict_stages = [this](const Array& r, const Array& v, const Array& y, const Array& coarse_v,
                                      Array& coarse_r, Array& coarse_y, Array& old) {
-      inner_->restrict_stages(r, v, y, coarse_v, coarse_r, coarse_y, old);
+      inner().restrict_stages(r, v, y, coarse_v, coarse_r, coarse_y, old);
     };
     fused_.slabs.move_rows = [this](const Array* from, Index first, Index ratio, Array& to, Index begin, Index count) {
       RowMatrix source, target;
-      inner_->download(to, target);
-      if (from) inner_->download(*from, source);
+      inner().download(to, target);
+      if (from) inner().download(*from, source);
       for (Index i = 0; i < count; ++i)
         from ? target.row(begin + i) = source.row(first + i * ratio) : target.row(begin + i).setZero();
-      inner_->upload(target, to);
+      inner().upload(target, to);
     };
     fused_.slabs.download_rows = [this](const Array& from, Index first, Index count, double* to) {
       check_host();
       RowMatrix source;
-      inner_->download(from, source);
+      inner().download(from, source);
       Eigen::Map<RowMatrix>(to, count, from.cols()) = source.middleRows(first, count);
     };
     fused_.slabs.upload_rows = [this](const double* from, Array& to, Index first, Index count) {
       check_host();
       RowMatrix target;
-      inner_->download(to, target);
+      inner().download(to, target);
       target.middleRows(first, count) = Eigen::Map<const RowMatrix>(from, count, to.cols());
-      inner_->upload(target, to);
+      inner().upload(target, to);
     };
     fused_.slabs.interpolate_rows = [this](const Array& coarse, const Array* old, Index ratio, Index first,
                                            Array& fine) {
       RowMatrix change, before, target;
-      inner_->download(coarse, change);
+      inner().download(coarse, change);
       if (old) {
-        inner_->download(*old, before);
+        inner().download(*old, before);
         change -= before;
       }
-      inner_->download(fine, target);
+      inner().download(fine, target);
       for (Index i = 0; i < target.rows(); ++i) {
         const Index left = (first + i) / ratio;
         const double share = double((first + i) % ratio) / double(ratio);
         target.row(i) += (1 - share) * change.row(left);
         if (share > 0) target.row(i) += share * change.row(left + 1);
       }
-      inner_->upload(target, fine);
+      inner().upload(target, fine);
     };
     fused_.slabs.carried_convolution = [this](const ModalRecurrence& r, const std::vector<Index>& ends, int rank) {
-      return std::make_unique<NaiveCarried>(*inner_, r, outliving(r.decay, ends, rank), rank == 0);
+      return std::make_unique<NaiveCarried>(inner(), r, outliving(r.decay, ends, rank), rank == 0);
     };
   }
 
-  DeviceInfo device() const override { return inner_->device(); }
-  int threads() const override { return inner_->threads(); }
-  void each_range(Index count, Index length, const std::function<void(Index, Index)>& body) const override {
-    inner_->each_range(count, length, body);
-  }
-  std::unique_ptr<Array> array(Index rows, Index cols) override { return inner_->array(rows, cols); }
   void upload(const RowMatrix& from, Array& to) override {
     check_host();
-    inner_->upload(from, to);
+    ForwardingBackend::upload(from, to);
   }
   void download(const Array& from, RowMatrix& to) override {
     check_host();
-    inner_->download(from, to);
-  }
-  void inject(const Array& fine, Array& coarse) override { inner_->inject(fine, coarse); }
-  void interpolate(const Array& coarse, const Array* old, Array& fine) override {
-    inner_->interpolate(coarse, old, fine);
-  }
-  void add(const Array& b, double s, const Array& c, Array& a) override { inner_->add(b, s, c, a); }
-  std::unique_ptr<Differences> differences(std::size_t slots) override { return inner_->differences(slots); }
-  std::unique_ptr<RowTransform> sine_transform(Index n, Index rows) override { return inner_->sine_transform(n, rows); }
-  std::unique_ptr<Convolution> convolution(WeightsRef weights, Index rows) override {
-    return inner_->convolution(weights, rows);
+    ForwardingBackend::download(from, to);
   }
   std::unique_ptr<LcpBatch> shifted_lcp(const LcpMatrix& M, LcpClass c, double D, Index rows) override {
-    return std::make_unique<LateLcp>(inner_->shifted_lcp(M, c, D, rows));
-  }
-  std::unique_ptr<March> march(const MarchProblem& problem, Index rows) override {
-    return inner_->march(problem, rows);
+    return std::make_unique<LateLcp>(inner().shifted_lcp(M, c, D, rows));
   }
 
  private:
@@ -205,7 +187,6 @@ class RowBackend final : public Backend {
     if (recording_) throw Error("rows", "the host takes part in recorded operations", "", ErrorKind::internal);
   }
 
-  std::unique_ptr<Backend> inner_;
   bool recording_ = false;
 };
 
