@@ -1,6 +1,7 @@
 #pragma once
 // The makers of the plans of kernels/.
 
+#include "core/seam/scene_arrays.hpp"
 #include "core/seam/scene_march.hpp"
 #include "kernels/device.hpp"
 
@@ -73,6 +74,9 @@ std::unique_ptr<StepChain> make_step_chain(const Device&, const StepChainProblem
 
 /// Null for more than 8 states or 8 unknowns of a step.
 std::unique_ptr<SceneMarch> make_scene_march(const Device&, const SceneMarchProblem&, Index scenes);
+
+/// Of core/seam/scene_arrays.hpp.
+std::unique_ptr<SceneArrays> make_scene_arrays(const Device&, const SceneArraysProblem&, Index scenes);
 
 /// Null for more than 32 states.
 std::unique_ptr<AffineChain> make_affine_chain(const Device&, const AffineChainSizes&);

@@ -1,12 +1,12 @@
-// Many small dense scenes, one thread each (core/batch/scene_steps.hpp). Numbers of neighbouring threads are adjacent
+// Many small dense scenes, one thread each (core/host/scene_steps.hpp). Numbers of neighbouring threads are adjacent
 // in memory. One kernel takes the steps. One transposes the results into rows of scenes, in the units of the scenes.
 // The checks are a kernel of another stream and run while the rows are copied to the host.
 
-#include "core/batch/scene_steps.hpp"
+#include "core/host/scene_steps.hpp"
+#include "core/host/stored_problem.hpp"
 #include "core/scene/natural_units.hpp"
 #include "core/seam/scene_march.hpp"
 #include "kernels/parts.hpp"
-#include "kernels/stored_problem.cuh"
 
 #include <cmath>
 #include <cstdint>
@@ -21,8 +21,10 @@ namespace {
 using scene_steps::Matrices;
 using scene_steps::most_states;
 using scene_steps::Rows;
+using scene_steps::Sets;
 using scene_steps::Source;
 using scene_steps::Steps;
+using scene_steps::StoredProblem;
 
 constexpr int threads = 64;
 constexpr int tile = 32;

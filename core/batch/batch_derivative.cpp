@@ -10,26 +10,8 @@
 
 namespace bromwich {
 
-namespace {
-
-// The result of scene k as a single solve would have it. Where y may jump is known by the class of M; that y is the one
-// of continuous steps is checked by SolutionDerivative.
-Result single_result(const Scene& scene, const BatchResult& all, Index k) {
-  Result r;
-  r.status = all.status[std::size_t(k)];
-  r.method = all.method[std::size_t(k)];
-  r.steps = all.rows() - 1;
-  r.t = all.t * (scene.T / all.t[r.steps]);
-  r.y = all.of(all.y, k);
-  const LcpClass c = known_class(scene.M, scene.lcp_class);
-  r.continuous = has_one_solution(c);
-  r.rough_steps = -1;  // not known
-  return r;
-}
-
-}  // namespace
-
-BatchDerivative::BatchDerivative(const Batch& batch, const BatchResult& result, std::optional<bool> located)
+BatchDerivative::BatchDerivative(const Batch& batch, const BatchResult& result, std::optional<bool> located,
+                                 Backend* backend)
     : rows_(result.rows()) {
   batch.validate();
   if (!batch.times.empty())
@@ -41,8 +23,10 @@ BatchDerivative::BatchDerivative(const Batch& batch, const BatchResult& result, 
     throw Error("result", text("has %ld scenes of %ld rows", long(result.scenes), long(rows_)),
                 text("give the result of these %ld scenes", long(K)));
   all_.resize(std::size_t(K)), reason_.resize(std::size_t(K));
+  if (backend && !located.value_or(false)) together_ = DerivativesSideBySide::make(batch, result, *backend);
   for (Index k = 0; k < K; ++k) try {
       check_interruption();
+      if (has(k)) continue;
       prepare(k, scene_of(batch, k), result, located);
     } catch (const Error& e) {
       all_[std::size_t(k)] = {};
@@ -73,7 +57,15 @@ std::vector<DerivativeMargin> BatchDerivative::margin() const {
     found.push_back(one.switched   ? one.switched->margin()
                     : one.discrete ? one.discrete->margin()
                                    : DerivativeMargin{.margin = 0, .transversality = 0});
+  for (Index k = 0; k < scenes(); ++k)
+    if (has(k)) found[std::size_t(k)] = together_->margin(k);
   return found;
+}
+
+Index BatchDerivative::side_by_side() const {
+  Index count = 0;
+  for (Index k = 0; k < scenes(); ++k) count += has(k);
+  return count;
 }
 
 template <class Out, class In, class Of>
@@ -101,8 +93,10 @@ PerScene<Out> BatchDerivative::each(const std::vector<In>& given, const HostThre
 PerScene<SolutionChange> BatchDerivative::jvp(const std::vector<DataChange>& changes,
                                               const HostThreads& threads) const {
   const RowMatrix y = RowMatrix::Constant(rows_, n_, NAN), x = RowMatrix::Constant(rows_, m_, NAN);
-  return each(changes, threads, SolutionChange{y, x, y, y},
-              [](const auto& d, const DataChange& c) { return d.jvp(c); });
+  auto found =
+      each(changes, threads, SolutionChange{y, x, y, y}, [](const auto& d, const DataChange& c) { return d.jvp(c); });
+  if (together_) together_->jvp(changes, found.value, found.reason);
+  return found;
 }
 
 PerScene<DataChange> BatchDerivative::vjp(const std::vector<SolutionChange>& functions,
@@ -116,7 +110,9 @@ PerScene<DataChange> BatchDerivative::vjp(const std::vector<SolutionChange>& fun
                         B.transpose(),
                         Matrix::Constant(n_, n_, NAN),
                         {}};
-  return each(functions, threads, none, [](const auto& d, const SolutionChange& c) { return d.vjp(c); });
+  auto found = each(functions, threads, none, [](const auto& d, const SolutionChange& c) { return d.vjp(c); });
+  if (together_) together_->vjp(functions, found.value, found.reason);
+  return found;
 }
 
 }  // namespace bromwich

@@ -5,6 +5,7 @@
 
 #include "../derivatives/switched_derivative.hpp"
 #include "batch.hpp"
+#include "derivatives_side_by_side.hpp"
 
 #include <memory>
 #include <optional>
@@ -25,12 +26,16 @@ class BatchDerivative {
  public:
   /// The rows of the result must be the time points of a grid, not Batch::times. `located`: with located switches
   /// (SwitchedDerivative); otherwise the derivative of the discrete solution where its y is continuous. Throws Error
-  /// where the result is not that of this batch. Sources are called by the calling thread alone.
-  BatchDerivative(const Batch&, const BatchResult&, std::optional<bool> located = {});
+  /// where the result is not that of this batch. Sources are called by the calling thread alone. With a backend, scenes
+  /// that share their dynamics are differentiated side by side in its arrays (DerivativesSideBySide); it has to outlive
+  /// this object, and is used by one caller at a time. That pays where steps_many_scenes (core/seam/scene_arrays.hpp).
+  BatchDerivative(const Batch&, const BatchResult&, std::optional<bool> located = {}, Backend* = nullptr);
 
   Index scenes() const { return Index(reason_.size()); }
   /// K lines: empty, or why there is no derivative.
   const std::vector<std::string>& reason() const { return reason_; }
+  /// Scenes that are differentiated side by side.
+  Index side_by_side() const;
   /// K booleans: with located switches.
   std::vector<bool> located() const;
   /// Of a scene without a derivative: 0.
@@ -51,7 +56,10 @@ class BatchDerivative {
   template <class Out, class In, class Of>
   PerScene<Out> each(const std::vector<In>&, const HostThreads&, const Out& none, const Of&) const;
 
+  bool has(Index k) const { return together_ && together_->has(k); }
+
   Index m_, n_, rows_;
+  std::shared_ptr<const DerivativesSideBySide> together_;  ///< null: none
   std::vector<One> all_;
   std::vector<std::string> reason_;
 };

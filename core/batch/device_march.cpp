@@ -4,9 +4,7 @@
 
 namespace bromwich {
 
-namespace {
-
-StoredSets stored(const ActiveSetTable& table) {
+StoredSets stored_sets(const ActiveSetTable& table) {
   const Index u = table.size(), sets = Index(1) << u;
   StoredSets s{RowMatrix::Zero(sets * u, u), Vector(u), Vector(u), true};
   for (Index i = 0; i < u; ++i) s.rows[i] = table.row_scale(i), s.columns[i] = table.column_scale(i);
@@ -20,8 +18,6 @@ StoredSets stored(const ActiveSetTable& table) {
   return s;
 }
 
-}  // namespace
-
 SceneMarchProblem scene_march_problem(const LanePlan& p) {
   SceneMarchProblem s;
   s.m = p.m, s.n = p.n, s.J = p.J, s.h = p.h, s.most_growth = p.most_growth;
@@ -30,9 +26,9 @@ SceneMarchProblem scene_march_problem(const LanePlan& p) {
   const GrowthMaps growth = p.growth();
   s.growth_E = growth.E, s.growth_G = growth.G;
   s.size_of_E = growth.E.cwiseAbs(), s.size_of_R = growth.R.cwiseAbs();
-  s.steps = stored(*p.whole.problem);
+  s.steps = stored_sets(*p.whole.problem);
   s.steps.all_solutions = p.certain;
-  s.growth = stored(*growth.problem);
+  s.growth = stored_sets(*growth.problem);
   s.longest.resize(Index(1) << p.n);
   for (Index set = 0; set < s.longest.size(); ++set) s.longest[set] = p.longest(unsigned(set));
   s.drift = p.sources.drift, s.g = p.sources.g, s.f = p.sources.f;

@@ -6,6 +6,9 @@
 
 namespace bromwich {
 
+/// The maps of all active sets.
+StoredSets stored_sets(const ActiveSetTable&);
+
 /// What the backend needs of a plan. Precondition: no step is taken in parts.
 SceneMarchProblem scene_march_problem(const LanePlan&);
 

@@ -1,5 +1,5 @@
 #pragma once
-// March of eight scenes in the lanes of a vector, on one grid, by the steps of core/batch/scene_steps.hpp. y is
+// March of eight scenes in the lanes of a vector, on one grid, by the steps of core/host/scene_steps.hpp. y is
 // continuous, with steps in parts where shared sources are rough (core/march/split.cpp), or has the stages of Radau
 // IIA. The scenes share their dynamics and M, or each has its own.
 //

@@ -1,6 +1,6 @@
 #pragma once
 // The data that the scenes of a group of lanes share: the maps of a step, the problems of its active sets, sampled
-// sources. See core/batch/scene_steps.hpp for the steps and core/batch/lane_march.hpp for their use.
+// sources. See core/host/scene_steps.hpp for the steps and core/batch/lane_march.hpp for their use.
 
 #include "../host/stage_problem.hpp"
 #include "../scene/natural_units.hpp"

@@ -3,8 +3,8 @@
 // its lane has now (core/batch/active_set_table.hpp). A lane whose set is wrong leaves the others for that problem.
 
 #include "../base/simd.hpp"
+#include "../host/scene_steps.hpp"
 #include "active_set_table.hpp"
-#include "scene_steps.hpp"
 
 #include <array>
 

@@ -3,6 +3,7 @@
 #include "core/base/error.hpp"
 #include "core/base/text.hpp"
 #include "core/derivatives/check_table.hpp"
+#include "core/derivatives/step_direction.hpp"
 #include "core/kernel/recurrence.hpp"
 #include "core/scene/separable.hpp"
 #include "core/scene/source_steps.hpp"
@@ -65,25 +66,6 @@ void check_sources(const Scene& scene, const Result& r) {
         refuse(text("f jumps or bends inside a step or at its end (t = %.6g)", r.t[rough.step]),
                "take the derivative with located switches");
     }
-}
-
-// The derivative of a function of A in the direction D: the upper right block of the function of [[A, D], [0, A]]. D is
-// scaled to the size of A.
-struct StepDirection {
-  Matrix decay, left, right;
-};
-
-StepDirection direction(const Matrix& A, const Matrix& D, double h) {
-  const Index m = A.rows();
-  const double size = D.cwiseAbs().maxCoeff();
-  if (!(size > 0)) return {Matrix::Zero(m, m), Matrix::Zero(m, m), Matrix::Zero(m, m)};
-  const double unit = std::max(A.cwiseAbs().maxCoeff(), 1e-3 / h) / size;
-  Matrix both = Matrix::Zero(2 * m, 2 * m);
-  both.topLeftCorner(m, m) = both.bottomRightCorner(m, m) = A;
-  both.topRightCorner(m, m) = unit * D;
-  const StepOperators step = step_operators(both, Rule::exponential, h);
-  const auto block = [&](const Matrix& whole) { return Matrix(whole.topRightCorner(m, m) / unit); };
-  return {block(step.decay), block(step.left), block(step.right)};
 }
 
 std::vector<Index> active_set(const Scene& scene, const RowMatrix& y, Index j) {
@@ -228,7 +210,7 @@ SolutionChange SolutionDerivative::jvp(const DataChange& given) const {
   if (given.E.size() > 0 && inverse_E_.size() == 0) refuse("the scene has no E", "change A and B instead");
   const DataChange c = without_mass(given);
   StepDirection d;
-  if (c.A.size() > 0) d = direction(d_.A, c.A, h_);
+  if (c.A.size() > 0) d = step_direction(d_.A, c.A, h_);
   SolutionChange out{RowMatrix::Zero(J_ + 1, n_), RowMatrix::Zero(J_ + 1, m_), RowMatrix::Zero(J_ + 1, n_),
                      RowMatrix::Zero(J_ + 1, n_)};
   RowMatrix direct = c.f, fixed = c.g;  // of u_j and w_j without dx_j and dy_j; empty: none
@@ -322,7 +304,7 @@ DataChange SolutionDerivative::vjp(const SolutionChange& of) const {
                of_R = later_rows.transpose() * u_.bottomRows(J_);
   bar.B = bar.f.transpose() * y_;
   const Matrix At = d_.A.transpose();
-  bar.A = direction(At, of_E, h_).decay + direction(At, of_L, h_).left + direction(At, of_R, h_).right;
+  bar.A = step_direction(At, of_E, h_).decay + step_direction(At, of_L, h_).left + step_direction(At, of_R, h_).right;
   add_mass(bar);
   return bar;
 }

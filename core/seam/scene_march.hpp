@@ -1,5 +1,5 @@
 #pragma once
-// Many small dense scenes stepped side by side by a backend, a thread for each (core/batch/scene_steps.hpp). The
+// Many small dense scenes stepped side by side by a backend, a thread for each (core/host/scene_steps.hpp). The
 // operation is optional (FusedOperations::scene_march). Without it, scenes are stepped in the lanes of vectors on the
 // threads of the host (core/batch/lane_march.hpp), with the same results.
 
@@ -19,7 +19,7 @@ struct StoredSets {
       true;  ///< solutions are the only ones; otherwise they have to be certain (LaneProblem::try_stages)
 };
 
-/// Scenes that share their dynamics, M and sources. See core/batch/scene_steps.hpp for the letters.
+/// Scenes that share their dynamics, M and sources. See core/host/scene_steps.hpp for the letters.
 struct SceneMarchProblem {
   Index m = 0, n = 0, J = 0;
   double h = 0, most_growth = 50;

@@ -166,29 +166,31 @@ class ArraySolver:
         Raises:
             Error: for another shape, type or device.
         """
-        tables = [self._borrowed(table, name) for table, name in ((g, "g"), (f, "f"))]
+        tables = [borrowed(table, name, self._prepared.place) for table, name in ((g, "g"), (f, "f"))]
         with reporting(progress, self._iteration_tolerance) as report:
             answer = self._prepared.solve(*tables, report, stop)
         result = ArrayResult(answer)
         return _checked(result, answer.facts["by_keyboard"], check, stop)
 
-    def _borrowed(self, table: Any, name: str) -> Any:
-        """The source for the compiled part: a view, or a capsule that is ready on the stream of the solver."""
-        if table is None:
-            return None
-        kind, number, stream = self._prepared.place
-        where = table.__dlpack_device__() if hasattr(table, "__dlpack_device__") else (1, 0)
-        if kind != 2 and where[0] in (1, 3):
-            return np.ascontiguousarray(np.asarray(table), dtype=np.float64)
-        if tuple(where) != (kind, number):
-            found = "the host" if where[0] == 1 else f"device {tuple(where)}"
-            raise Error(f"{name}: lies on {found}; give an array on device {(kind, number)} (ArraySolver.device)", name)
-        if str(getattr(table, "dtype", "float64")).removeprefix("torch.") != "float64":
-            raise Error(f"{name}: is of {table.dtype}; give float64", name)
-        try:
-            return table.__dlpack__(stream=stream)
-        except (TypeError, ValueError, RuntimeError, BufferError) as error:
-            raise Error(f"{name}: cannot be read through DLPack ({error})", name) from error
+
+
+def borrowed(table: Any, name: str, place: tuple[int, int, int]) -> Any:
+    """A table for the compiled part: a view, or a capsule that is ready on the stream of this place; None as it is."""
+    if table is None:
+        return None
+    kind, number, stream = place
+    where = table.__dlpack_device__() if hasattr(table, "__dlpack_device__") else (1, 0)
+    if kind != 2 and where[0] in (1, 3):
+        return np.ascontiguousarray(np.asarray(table), dtype=np.float64)
+    if tuple(where) != (kind, number):
+        found = "the host" if where[0] == 1 else f"device {tuple(where)}"
+        raise Error(f"{name}: lies on {found}; give an array on device {(kind, number)}, or use its device", name)
+    if str(getattr(table, "dtype", "float64")).removeprefix("torch.") != "float64":
+        raise Error(f"{name}: is of {table.dtype}; give float64", name)
+    try:
+        return table.__dlpack__(stream=stream)
+    except (TypeError, ValueError, RuntimeError, BufferError) as error:
+        raise Error(f"{name}: cannot be read through DLPack ({error})", name) from error
 
 
 def _checked(result: ArrayResult, by_keyboard: bool, check: Check, stop: Callable[[], bool] | None) -> ArrayResult:

@@ -229,6 +229,7 @@ class BatchDerivative:
     Attributes:
         reason: K lines, empty where there is a derivative.
         located: K booleans, whether switches are located.
+        side_by_side: how many scenes are differentiated together, on a device.
         margin: K of :class:`Margin`.
     """
 
@@ -239,6 +240,7 @@ class BatchDerivative:
         self._core, self._K, self._threads = _core.BatchDerivative(answer, located), answer.scenes, threads
         self.reason: list[str] = self._core.reason
         self.located = np.array(self._core.located)
+        self.side_by_side: int = self._core.side_by_side
         self.margin = [Margin(*one) for one in self._core.margin]
 
     def jvp(self, **changes: Any) -> tuple[Tangent, list[str]]:

@@ -127,10 +127,19 @@ def whole(steps: Any) -> int:
     return int(steps)
 
 
+def place(backend: Any, device: Any) -> str:
+    """Where the wrappers compute: "cpu" or "cuda"."""
+    if backend not in ("cpu", "cuda"):
+        raise Error(f"backend: found {backend!r}; use cpu or cuda", "backend")
+    if device is not None and backend == "cpu":
+        raise Error(f"device: found {device} with backend='cpu'; leave it out, or use backend='cuda'", "device")
+    return backend
+
+
 def _summed_to(bar: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
     more = bar.ndim - len(shape)
     bar = bar.sum(axis=tuple(range(more)))
     return bar.sum(axis=tuple(i for i, k in enumerate(shape) if k == 1 and bar.shape[i] != 1), keepdims=True)
 
 
-__all__ = ["AXES", "DATA", "Error", "NotSolved", "Shapes", "Solved", "leading", "whole"]
+__all__ = ["AXES", "DATA", "Error", "NotSolved", "Shapes", "Solved", "leading", "place", "whole"]

@@ -14,16 +14,30 @@ from typing import Any
 import torch
 
 from . import _differentiable as common
+from . import _on_device as on_device
 from ._errors import Error
+
+_LIBRARY = on_device.Library(
+    spread=lambda v, shape: v.detach().double().expand(shape),
+    shaped=lambda v, shape: v.detach().double().reshape(shape).contiguous(),
+    take=torch.from_dlpack,
+    put=lambda v, like: torch.from_numpy(v).to(like.device),
+    total=lambda v, axes, keep: v.sum(dim=axes, keepdim=keep),
+    on_host=lambda v: _array(v),
+)
 
 
 class _Solve(torch.autograd.Function):
     @staticmethod
     def forward(how: tuple, *data: torch.Tensor | None) -> tuple:
-        arrays = {name: None if v is None else _array(v) for name, v in zip(common.DATA, data)}
-        solved = common.Solved(arrays, *how)
+        *host, backend, device = how
         given = [v for v in data if v is not None]
         kind = functools.reduce(torch.promote_types, (v.dtype for v in given if v.is_floating_point()))
+        if backend == "cuda":
+            solved = on_device.SolvedOnDevice(_LIBRARY, dict(zip(common.DATA, data)), *host, device)
+            return *(v.to(kind) for v in solved.outputs()), solved
+        arrays = {name: None if v is None else _array(v) for name, v in zip(common.DATA, data)}
+        solved = common.Solved(arrays, *host)
         return *(torch.from_numpy(v).to(given[0].device, kind) for v in solved.outputs()), solved
 
     @staticmethod
@@ -50,8 +64,11 @@ class _Gradient(torch.autograd.Function):
     axis that a vmap has added, the outermost first, whether the solution has it too."""
 
     @staticmethod
-    def forward(solved: common.Solved, mapped: tuple, shapes: common.Shapes, *given: torch.Tensor | None) -> tuple:
+    def forward(solved: common.Solved | on_device.SolvedOnDevice, mapped: tuple, shapes: common.Shapes, *given: torch.Tensor | None) -> tuple:
         of, data = given[:3], given[3:]
+        if isinstance(solved, on_device.SolvedOnDevice):
+            bars = solved.gradient(of, shapes, mapped)
+            return tuple(None if v is None else bar.to(v.dtype) for bar, v in zip(bars, data))
         bars = solved.gradient(tuple(_array(v) for v in of if v is not None), shapes, mapped)
         return tuple(None if v is None else torch.from_numpy(bar).to(v.device, v.dtype) for bar, v in zip(bars, data))
 
@@ -103,14 +120,21 @@ def solve(
     g: torch.Tensor | None = None,
     method: str = "march",
     threads: int = 0,
+    backend: str = "cpu",
+    device: int | None = None,
 ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
-    """y (J+1) x n, x (J+1) x m and w (J+1) x n of a dense scene, computed in double precision on the host.
+    """y (J+1) x n, x (J+1) x m and w (J+1) x n of a dense scene, computed in double precision.
 
     Args:
         A, B, N, M, x0: m x m, m x n, n x m, n x n and m. Each may have leading axes for scenes that are solved together
             (:func:`bromwich.solve_batch`), and then y, x and w have them; ``torch.vmap`` adds one.
         f, g: (J+1) x m and (J+1) x n at the time points, linear between them; None: zero.
         T: final time. steps: J. method: ``"march"``, ``"contour"`` or ``"multigrid"``.
+        backend: ``"cpu"``: computed on the host, where tensors of a device are copied. ``"cuda"``: x0, f and g are
+            tensors on a CUDA device, and so are y, x, w and the gradients: no table of J+1 rows passes through the host.
+            At most 8 states and 8 constraints, M of class P, method ``"march"``; scenes share A, B, N and M, which are
+            read on the host. Results are not looked at again with half the step.
+        device: number of the CUDA device; None: the first one.
 
     Raises:
         NotSolved: there is no solution, of some scene.
@@ -130,4 +154,5 @@ def solve(
             raise Error(f"{name}: is complex; give real numbers", name)
         v = v if v.layout is torch.strided else v.to_dense()
         data.append(v if v.is_floating_point() else v.double())
-    return _Solve.apply((float(T), common.whole(steps), method, threads), *data)[:3]
+    how = (float(T), common.whole(steps), method, threads, common.place(backend, device), device)
+    return _Solve.apply(how, *data)[:3]

@@ -10,6 +10,7 @@
 #include "kernels/cuda_backend.hpp"
 #include "machine.hpp"
 #include "module.hpp"
+#include "shared_arrays.hpp"
 
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/shared_ptr.h>
@@ -25,24 +26,6 @@
 namespace bromwich::python {
 namespace {
 
-/// Float64, row by row, wherever it lies.
-using AnyTable = nb::ndarray<const double, nb::ndim<2>, nb::c_contig>;
-using AnyArray = nb::ndarray<const double, nb::c_contig>;
-
-SharedMemory& shared(Machine& machine) {
-  if (auto* memory = dynamic_cast<SharedMemory*>(machine.backend.get())) return *memory;
-  throw Error("backend", "found '" + machine.backend->name() + "', whose memory is its own", "use cpu or cuda");
-}
-
-/// Memory of the host is read by the processor alone, that of a device by that device alone.
-void check_place(const SharedMemory::Place& place, int kind, int number, const std::string& name) {
-  const bool of_host = kind != 2;
-  if (of_host == (place.kind != 2) && (of_host || number == place.number)) return;
-  throw Error(name, of_host ? "lies on the host" : "lies on CUDA device " + std::to_string(number),
-              place.kind == 2 ? "put it on CUDA device " + std::to_string(place.number) + ", or use backend='cpu'"
-                              : "use backend='cuda', or copy it to the host");
-}
-
 /// What a solve has left in the memory of its backend.
 struct SharedAnswer {
   std::shared_ptr<Machine> machine;
@@ -57,19 +40,9 @@ struct SharedAnswer {
   }
 };
 
-nb::ndarray<double> handed_over(const std::shared_ptr<SharedAnswer>& answer, const std::string& name) {
-  const SharedMemory::Place place = shared(*answer->machine).place();
-  auto* kept = new std::shared_ptr<SharedAnswer>(answer);
-  const nb::capsule owner(kept, [](void* p) noexcept { delete static_cast<std::shared_ptr<SharedAnswer>*>(p); });
-  const std::size_t shape[] = {std::size_t(answer->rows), std::size_t(answer->cols)};
-  return {(name == "y" ? answer->y : answer->w).get(),
-          2,
-          shape,
-          owner,
-          nullptr,
-          nb::dtype<double>(),
-          place.kind,
-          place.number};
+nb::ndarray<double> capsule_of(const std::shared_ptr<SharedAnswer>& answer, const std::string& name) {
+  double* const numbers = (name == "y" ? answer->y : answer->w).get();
+  return handed_over(answer, numbers, answer->rows, answer->cols, shared(*answer->machine).place());
 }
 
 class PreparedArrays {
@@ -203,7 +176,7 @@ void bind_arrays(nb::module_& m) {
             return reinterpret_cast<std::uintptr_t>((name == "y" ? a.y : a.w).get());
           },
           nb::arg("name"))
-      .def("capsule", &handed_over, nb::arg("name"), "A DLPack capsule of y or w.");
+      .def("capsule", &capsule_of, nb::arg("name"), "A DLPack capsule of y or w.");
   nb::class_<PreparedArrays>(m, "PreparedArrays")
       .def(nb::init<std::shared_ptr<const Model>, const Options&, const Wanted&>(), nb::arg("model"),
            nb::arg("options"), nb::arg("wanted"))

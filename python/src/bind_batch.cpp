@@ -20,6 +20,8 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <memory>
+#include <mutex>
 #include <optional>
 #include <utility>
 
@@ -30,6 +32,7 @@ using Array3 = nb::ndarray<const double, nb::ndim<3>, nb::c_contig, nb::device::
 
 struct BatchAnswer {
   std::shared_ptr<const Batch> batch;
+  std::shared_ptr<Machine> machine;
   BatchResult result;
   std::string backend;
   bool by_keyboard = false;
@@ -103,6 +106,7 @@ std::shared_ptr<BatchAnswer> solve_many(const std::vector<std::shared_ptr<const 
     options.interrupted = [&] { return calls.interrupted(); };
     const std::lock_guard lock(machine->busy);
     answer->backend = machine->backend->name();
+    answer->machine = machine;
     // Functions of Python are called by this thread alone.
     const bool calls_python =
         std::any_of(models.begin(), models.end(), [](const auto& m) { return !m->callables.empty(); }) || calls_of(f) ||
@@ -159,9 +163,43 @@ nb::object member(const std::vector<Value>& values, Table Value::*table) {
   return stacked(tables);
 }
 
+/// With the backend of the result, which is used by one caller at a time.
+class EachDerivative {
+ public:
+  EachDerivative(const BatchAnswer& answer, std::optional<bool> located)
+      : machine_(answer.machine), derivative_(made(answer, located)) {}
+  ~EachDerivative() {  // arrays before the backend
+    const auto lock = locked();
+    derivative_.reset();
+  }
+  EachDerivative(const EachDerivative&) = delete;
+  EachDerivative& operator=(const EachDerivative&) = delete;
+
+  const BatchDerivative& operator*() const { return *derivative_; }
+  const BatchDerivative* operator->() const { return &*derivative_; }
+  std::unique_lock<std::mutex> locked() const {
+    if (!machine_ || derivative_->side_by_side() == 0) return {};
+    const nb::gil_scoped_release released;  // whoever has it may need the interpreter
+    return std::unique_lock(machine_->busy);
+  }
+
+ private:
+  static std::unique_ptr<BatchDerivative> made(const BatchAnswer& answer, std::optional<bool> located) {
+    return interruptible([&] {
+      Backend* backend = answer.machine ? answer.machine->backend.get() : nullptr;
+      if (backend && !steps_many_scenes(*backend)) backend = nullptr;
+      const auto lock = backend ? std::unique_lock(answer.machine->busy) : std::unique_lock<std::mutex>();
+      return std::make_unique<BatchDerivative>(*answer.batch, answer.result, located, backend);
+    });
+  }
+
+  std::shared_ptr<Machine> machine_;
+  std::unique_ptr<BatchDerivative> derivative_;
+};
+
 /// (y, x, w, integral, reasons): tables of K (J+1) rows.
-nb::tuple forward_each(const BatchDerivative& d, const Tables& given, int threads) {
-  std::vector<DataChange> changes{std::size_t(d.scenes())};
+nb::tuple forward_each(const EachDerivative& d, const Tables& given, int threads) {
+  std::vector<DataChange> changes{std::size_t(d->scenes())};
   for (std::size_t k = 0; k < changes.size(); ++k) {
     DataChange& c = changes[k];
     const auto take = [&](const char* name, auto& to) {
@@ -176,15 +214,16 @@ nb::tuple forward_each(const BatchDerivative& d, const Tables& given, int thread
     c.x0 = x0.transpose().reshaped();
   }
   const auto backend = make_cpu_backend(threads);
-  const PerScene<SolutionChange> out = d.jvp(changes, *backend);
+  const auto lock = d.locked();
+  const PerScene<SolutionChange> out = d->jvp(changes, *backend);
   return nb::make_tuple(member(out.value, &SolutionChange::y), member(out.value, &SolutionChange::x),
                         member(out.value, &SolutionChange::w), member(out.value, &SolutionChange::integral),
                         out.reason);
 }
 
 /// (x0, f, g, A, B, N, M, E, reasons).
-nb::tuple backward_each(const BatchDerivative& d, const Tables& given, int threads) {
-  std::vector<SolutionChange> functions{std::size_t(d.scenes())};
+nb::tuple backward_each(const EachDerivative& d, const Tables& given, int threads) {
+  std::vector<SolutionChange> functions{std::size_t(d->scenes())};
   for (std::size_t k = 0; k < functions.size(); ++k)
     for (const auto& [name, table] : {std::pair("y", &SolutionChange::y),
                                       {"x", &SolutionChange::x},
@@ -195,16 +234,17 @@ nb::tuple backward_each(const BatchDerivative& d, const Tables& given, int threa
         functions[k].*table = Eigen::Map<const RowMatrix>(found->second.data() + Index(k) * rows * cols, rows, cols);
       }
   const auto backend = make_cpu_backend(threads);
-  const PerScene<DataChange> out = d.vjp(functions, *backend);
+  const auto lock = d.locked();
+  const PerScene<DataChange> out = d->vjp(functions, *backend);
   return nb::make_tuple(member(out.value, &DataChange::x0), member(out.value, &DataChange::f),
                         member(out.value, &DataChange::g), member(out.value, &DataChange::A),
                         member(out.value, &DataChange::B), member(out.value, &DataChange::N),
                         member(out.value, &DataChange::M), member(out.value, &DataChange::E), out.reason);
 }
 
-nb::list margins(const BatchDerivative& d) {
+nb::list margins(const EachDerivative& d) {
   nb::list all;
-  for (const DerivativeMargin& at : d.margin())
+  for (const DerivativeMargin& at : d->margin())
     all.append(nb::make_tuple(at.margin, at.time, at.constraint, at.transversality, at.grazing_time));
   return all;
 }
@@ -231,17 +271,17 @@ void bind_batch(nb::module_& m) {
       .def_prop_ro("seconds", [](const BatchAnswer& a) { return a.result.seconds; })
       .def_prop_ro("backend", [](const BatchAnswer& a) { return a.backend; })
       .def_ro("by_keyboard", &BatchAnswer::by_keyboard);
-  nb::class_<BatchDerivative>(m, "BatchDerivative")
+  nb::class_<EachDerivative>(m, "BatchDerivative")
       .def(
           "__init__",
-          [](BatchDerivative* self, BatchAnswer& answer, std::optional<bool> located) {
+          [](EachDerivative* self, BatchAnswer& answer, std::optional<bool> located) {
             add_missing_rows(answer.result);
-            new (self)
-                BatchDerivative(interruptible([&] { return BatchDerivative(*answer.batch, answer.result, located); }));
+            new (self) EachDerivative(answer, located);
           },
           nb::arg("answer"), nb::arg("located").none())
-      .def_prop_ro("reason", &BatchDerivative::reason)
-      .def_prop_ro("located", &BatchDerivative::located)
+      .def_prop_ro("reason", [](const EachDerivative& d) { return d->reason(); })
+      .def_prop_ro("located", [](const EachDerivative& d) { return d->located(); })
+      .def_prop_ro("side_by_side", [](const EachDerivative& d) { return d->side_by_side(); })
       .def_prop_ro("margin", &margins)
       .def("jvp", &forward_each, nb::arg("tables"), nb::arg("threads"))
       .def("vjp", &backward_each, nb::arg("tables"), nb::arg("threads"));

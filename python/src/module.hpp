@@ -45,6 +45,7 @@ void bind_sources(nb::module_& m);
 void bind_scenes(nb::module_& m);
 void bind_ranks(nb::module_& m);
 void bind_results(nb::module_& m);
+void bind_scene_arrays(nb::module_& m);
 void bind_solving(nb::module_& m);
 void bind_state(nb::module_& m);
 

@@ -1,16 +1,14 @@
 #pragma once
-// The small complementarity problem of a scene in a thread of a device, solved by its stored maps on active sets, as
-// ActiveSetTable (core/batch) does in the lanes of the host.
+// The small complementarity problem of one scene, solved by its stored maps on active sets, as ActiveSetTable
+// (core/batch) does in the lanes of the host. It runs in a thread of the host or of a device.
 
-#include "core/batch/scene_steps.hpp"
+#include "../base/types.hpp"
 
 #include <cmath>
 
-namespace bromwich::cuda {
+namespace bromwich::scene_steps {
 
-namespace {
-
-/// StoredSets (core/seam/scene_march.hpp) on the device.
+/// StoredSets (core/seam/scene_march.hpp) where they are used.
 struct Sets {
   const double *V, *rows, *columns;
   bool all_solutions;
@@ -112,9 +110,20 @@ struct StoredProblem {
     for (Index i = 0; i < u; ++i) to[i] = active(i) ? sets.columns[i] * row_times<u>(v, i) : 0;
   }
 
+  /// mu = -V^T eta on the set: mu_S = M_SS^{-T} eta_S.
+  template <Index u>
+  constexpr void respond_transposed(const double* eta, double* mu) const {
+    for (Index i = 0; i < u; ++i) mu[i] = 0;
+    for (Index k = 0; k < u; ++k) {
+      if (!active(k)) continue;
+      const double* v = sets.V + (Index(set) * u + k) * u;
+      const double weight = sets.columns[k] * eta[k];
+      for (Index i = 0; i < u; ++i)
+        if (active(i)) mu[i] -= v[i] * weight;
+    }
+  }
+
   constexpr double limit() const { return longest[set]; }
 };
 
-}  // namespace
-
-}  // namespace bromwich::cuda
+}  // namespace bromwich::scene_steps
