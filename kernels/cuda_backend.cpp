@@ -30,7 +30,7 @@ double free_memory(const cuda::Device& device) {
   return std::max(1.0, double(free) + double(reserved) - double(used) + double(device.blocks().kept()));
 }
 
-class CudaBackend final : public Backend, public SharedMemory, public SceneArraysMaker {
+class CudaBackend final : public Backend, public SharedMemory {
  public:
   CudaBackend(std::unique_ptr<Backend> host, int number, std::string device_name)
       : Backend("cuda", cuda_traits()),
@@ -109,6 +109,9 @@ class CudaBackend final : public Backend, public SharedMemory, public SceneArray
     fused_.slabs.carried_convolution = [this](const ModalRecurrence& r, const std::vector<Index>& ends, int rank) {
       return cuda::make_carried_scan(device_, r, ends, rank);
     };
+    fused_.scene_arrays = [this](const SceneArraysProblem& problem, Index scenes) {
+      return cuda::make_scene_arrays(device_, problem, scenes);
+    };
     fused_.scene_march = [this](const SceneMarchProblem& problem, Index scenes) {
       return cuda::make_scene_march(device_, problem, scenes);
     };
@@ -161,11 +164,6 @@ class CudaBackend final : public Backend, public SharedMemory, public SceneArray
     return cuda::make_march(device_, *host_, problem, rows);
   }
   void wait() override { device_.wait(); }
-
-  // SceneArraysMaker
-  std::unique_ptr<SceneArrays> scene_arrays(const SceneArraysProblem& problem, Index scenes) override {
-    return cuda::make_scene_arrays(device_, problem, scenes);
-  }
 
   // SharedMemory
   Place place() const override { return {2, number_, reinterpret_cast<std::uintptr_t>(device_.stream())}; }

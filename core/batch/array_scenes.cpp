@@ -136,7 +136,7 @@ std::vector<DerivativeMargin> ArrayScenes::margins() const {
 
 std::vector<std::string> ArrayScenes::vjp(const SceneRows<const Array>& of, const SceneGradient& given,
                                           ByMatrices* by) {
-  if (states_.empty()) throw Error("derivative", "is asked for before a solve", "solve first");
+  if (states_.empty()) throw Error("derivative", "has no solution yet", "solve first");
   SceneGradient bar = given;
   const HeldPacked packed{problem_.m, problem_.n};
   if (by && !sums_) sums_ = backend_.array(scenes(), packed.size());

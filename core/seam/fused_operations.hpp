@@ -13,6 +13,8 @@
 
 namespace bromwich {
 
+class SceneArrays;
+struct SceneArraysProblem;
 class SceneMarch;
 struct SceneMarchProblem;
 
@@ -38,6 +40,8 @@ struct FusedOperations {
   std::function<ComplexMatrix(const Dynamics&, const ComplexVector& nodes)> resolvent;
   /// For at most so many scenes at a time (scene_march.hpp). Returns null for problems that it does not take.
   std::function<std::unique_ptr<SceneMarch>(const SceneMarchProblem&, Index scenes)> scene_march;
+  /// Solutions and derivatives of scenes whose tables are arrays of the backend (scene_arrays.hpp). Likewise.
+  std::function<std::unique_ptr<SceneArrays>(const SceneArraysProblem&, Index scenes)> scene_arrays;
   SlabOperations slabs;
 };
 

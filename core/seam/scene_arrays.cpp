@@ -170,7 +170,7 @@ class HostSceneArrays final : public SceneArrays {
     explicit Along(const HostSceneArrays& a)
         : f(a.backend_, a.of_.f), y(a.backend_, checked(a.y_)), x(a.backend_, a.x_) {}
     static const Array* checked(const Array* y) {
-      if (!y) throw Error("derivative", "is asked for before the solution is given", "call follow first");
+      if (!y) throw Error("derivative", "has no solution yet", "call follow first");
       return y;
     }
   };
@@ -219,14 +219,14 @@ SceneArraysTables::SceneArraysTables(const SceneArraysProblem& p)
   for (Index i = 0; i < p.m; ++i) part[i] = std::cos(1.0 + 2.399963 * double(i));
 }
 
-bool steps_many_scenes(const Backend& backend) { return dynamic_cast<const SceneArraysMaker*>(&backend) != nullptr; }
+bool steps_many_scenes(const Backend& backend) { return bool(backend.fused().scene_arrays); }
 
 std::unique_ptr<SceneArrays> make_scene_arrays(Backend& backend, const SceneArraysProblem& problem, Index scenes) {
   if (problem.m < 1 || problem.n < 1 || problem.m > most_held || problem.n > most_held)
     throw Error("scene", std::to_string(problem.m) + " states and " + std::to_string(problem.n) + " constraints",
                 "scenes in arrays have 1 to " + std::to_string(most_held) + " of each");
-  if (auto* maker = dynamic_cast<SceneArraysMaker*>(&backend))
-    if (auto made = maker->scene_arrays(problem, scenes)) return made;
+  if (const auto& make = backend.fused().scene_arrays)
+    if (auto made = make(problem, scenes)) return made;
   return std::make_unique<HostSceneArrays>(backend, problem, scenes);
 }
 

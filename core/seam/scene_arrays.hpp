@@ -1,7 +1,7 @@
 #pragma once
 // Many small dense scenes that share their dynamics and M, with sources and states at t = 0 of their own: solutions and
-// their derivatives, all in arrays of a backend (core/host/held_steps.hpp). A backend that has the operation is derived
-// from SceneArraysMaker, too; for others it runs on the host.
+// their derivatives, all in arrays of a backend (core/host/held_steps.hpp). The operation is optional
+// (FusedOperations::scene_arrays); without it, it runs on the host.
 //
 // Tables of K scenes have K (J+1) rows, one scene after the other. Those of J+1 rows are the same for all scenes.
 // Values of each scene have K rows; one row is the same for all. Null: zero.
@@ -76,13 +76,6 @@ class SceneArrays : public Plan {
   virtual std::vector<char> forward(const SceneChange&, const SceneRows<Array>& out) = 0;
   /// Likewise, of a linear function of the rows.
   virtual std::vector<char> backward(const SceneRows<const Array>& of, const SceneGradient& bar) = 0;
-};
-
-class SceneArraysMaker {
- public:
-  virtual ~SceneArraysMaker() = default;
-  /// Returns null for problems that it does not take.
-  virtual std::unique_ptr<SceneArrays> scene_arrays(const SceneArraysProblem&, Index scenes) = 0;
 };
 
 class Backend;

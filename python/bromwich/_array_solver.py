@@ -182,8 +182,9 @@ def borrowed(table: Any, name: str, place: tuple[int, int, int]) -> Any:
     where = table.__dlpack_device__() if hasattr(table, "__dlpack_device__") else (1, 0)
     if kind != 2 and where[0] in (1, 3):
         return np.ascontiguousarray(np.asarray(table), dtype=np.float64)
-    if tuple(where) != (kind, number):
-        found = "the host" if where[0] == 1 else f"device {tuple(where)}"
+    where = tuple(int(part) for part in where)
+    if where != (kind, number):
+        found = "the host" if where[0] == 1 else f"device {where}"
         raise Error(f"{name}: lies on {found}; give an array on device {(kind, number)}, or use its device", name)
     if str(getattr(table, "dtype", "float64")).removeprefix("torch.") != "float64":
         raise Error(f"{name}: is of {table.dtype}; give float64", name)

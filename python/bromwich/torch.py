@@ -21,7 +21,7 @@ _LIBRARY = on_device.Library(
     spread=lambda v, shape: v.detach().double().expand(shape),
     shaped=lambda v, shape: v.detach().double().reshape(shape).contiguous(),
     take=torch.from_dlpack,
-    put=lambda v, like: torch.from_numpy(v).to(like.device),
+    put=lambda v, like: torch.tensor(v, device=like.device),
     total=lambda v, axes, keep: v.sum(dim=axes, keepdim=keep),
     on_host=lambda v: _array(v),
 )

@@ -13,7 +13,7 @@
 #include <cmath>
 #include <limits>
 
-namespace bromwich {
+namespace bromwich::scene_arrays_test {
 namespace {
 
 using reference::Random;
@@ -377,4 +377,4 @@ TEST_P(BackendSceneArrays, RefuseWhatTheyDoNotTake) {
 INSTANTIATE_TEST_SUITE_P(Contract, BackendSceneArrays, testing::ValuesIn(backend_cases()), backend_case_name);
 
 }  // namespace
-}  // namespace bromwich
+}  // namespace bromwich::scene_arrays_test
