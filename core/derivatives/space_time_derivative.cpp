@@ -7,6 +7,7 @@
 #include "core/derivatives/make_state_maps.hpp"
 #include "core/kernel/operators.hpp"
 #include "core/kernel/transposed_operator.hpp"
+#include "core/kernel/transposed_start.hpp"
 
 #include <cmath>
 #include <utility>
@@ -66,7 +67,6 @@ SpaceTimeDerivative::SpaceTimeDerivative(const Scene& scene, const Result& resul
   forward_ = std::make_unique<HeldSets>(scene_, backend, active_, result.method, family_, make_time_operator);
   if (pole_recurrence_of(*forward_->weights()))
     refuse_here("the kernel is given by few poles", "differentiate scenes with fewer steps or constraints");
-  backward_kernel_ = std::make_unique<TransposedKernel>(backend, forward_->weights(), J_ + 1);
   const std::vector<Index> first = positive_in(y_, 0);
   set_at_zero_ = at_zero_.take(first, to_dense(scene_.M));
   if (!(at_zero_.condition(set_at_zero_) > smallest_rcond_at_zero))
@@ -143,8 +143,14 @@ HeldSets& SpaceTimeDerivative::backward() {
   adjoint.M = transposed_M_;
   backward_ = std::make_unique<HeldSets>(
       adjoint, backend_, in_reversed_time(active_), forward_->method(), family_,
-      [this](const DiscreteProblem& p) { return make_transposed_operator(p, forward_->time_operator()); });
+      [this](const DiscreteProblem& p) { return make_transposed_operator(p, forward_->time_operator()); },
+      forward_.get());
   return *backward_;
+}
+
+TransposedKernel& SpaceTimeDerivative::backward_kernel() {
+  if (!backward_kernel_) backward_kernel_ = std::make_unique<TransposedKernel>(backend_, forward_->weights(), J_ + 1);
+  return *backward_kernel_;
 }
 
 DataChange SpaceTimeDerivative::vjp(const SolutionChange& of, bool by_x0) {
@@ -161,10 +167,22 @@ DataChange SpaceTimeDerivative::vjp(const SolutionChange& of, bool by_x0) {
   const auto [of_u, of_x0] = of.x.size() > 0 ? maps().states_transposed(of.x) : std::pair<RowMatrix, Vector>();
   if (of.x.size() > 0) eta += of_u;
   Vector first = eta.row(0).transpose(), mu(n_);
-  if (of.w.size() > 0) eta += backward_kernel_->apply(of.w);
+  if (of.w.size() > 0) {
+    bar.f = backward_kernel().apply(of.w);
+    eta += bar.f;
+  }
   // mu of rows 1 to J. That of row 0, whose y acts on all of them, follows.
-  bar.g -= in_reversed_time(backward().solve(-in_reversed_time(eta)).y);
-  bar.f = backward_kernel_->apply(bar.g);
+  const HeldSets::Found found = backward().solve(-in_reversed_time(eta));
+  const RowMatrix of_sets = in_reversed_time(found.y);
+  bar.g -= of_sets;
+  if (found.driven.size() > 0) {
+    RowMatrix driven = in_reversed_time(found.driven);
+    driven.row(0) = transposed_start(backend_, *forward_->weights(), of_sets).transpose();
+    if (bar.f.size() == 0) bar.f = RowMatrix::Zero(J_ + 1, n_);
+    bar.f -= driven;
+  } else {
+    bar.f = backward_kernel().apply(bar.g);
+  }
   first += bar.f.row(0).transpose();
   check_gradient_at_start(undecided_, first, bar.f.row(0).norm() + first.norm());
   at_zero_.solve_transposed(set_at_zero_, first, mu);

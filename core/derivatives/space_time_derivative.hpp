@@ -48,6 +48,7 @@ class SpaceTimeDerivative {
   SetRounding follow(const Vector& t);
   const StateMaps& maps();
   HeldSets& backward();
+  TransposedKernel& backward_kernel();
 
   Scene scene_;
   Backend& backend_;
@@ -57,7 +58,7 @@ class SpaceTimeDerivative {
   RowMatrix y_, w_, active_;
   LcpMatrix transposed_M_;
   std::unique_ptr<HeldSets> forward_, backward_;  ///< the second is made by the first vjp
-  std::unique_ptr<TransposedKernel> backward_kernel_;
+  std::unique_ptr<TransposedKernel> backward_kernel_;     ///< likewise, where K^T is not left by the march
   std::unique_ptr<StateMaps> maps_;  ///< made on first use
   SetResponses at_zero_;             ///< of M
   Index set_at_zero_ = 0;
