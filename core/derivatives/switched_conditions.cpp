@@ -46,22 +46,37 @@ SwitchedTape::Bounded SwitchedTape::saltation(const Switch& s, const Piece* befo
   return D;
 }
 
+// `rows` of what has to stay zero. `at_start`: of x0 itself. `with_time`: a switch that moves is a part of it.
+void SwitchedTape::add_condition(const std::string& found, const Bounded& rows, bool at_start, bool with_time) {
+  if (only_along_.empty()) only_along_ = found;
+  const bool by_state = !small_against(rows.value.x, rows.terms.x);
+  const bool by_all = with_time || (by_state && !at_start);
+  conditioned_.start |= by_all || by_state;
+  conditioned_.rates |=
+      by_all || !small_against(rows.value.f, rows.terms.f) || !small_against(rows.value.df, rows.terms.df);
+  conditioned_.rows |= by_all || !small_against(rows.value.g, rows.terms.g) ||
+                       !small_against(rows.value.dg, rows.terms.dg) || !small_against(rows.value.ddg, rows.terms.ddg);
+}
+
 // Whether the set after the switch stays the one after it: what vanishes there has to vanish with it, for all changes
 // or as a condition on them.
 void SwitchedTape::check(Switch& s, const Piece* before, const Piece& after) {
   const Matrix& derivative = Collocation::get().derivative;
-  const auto condition = [&](const Condition& c, const std::string& found) {
+  const auto condition = [&](const Condition& c, const Piece& p, const std::string& found) {
     // Impacts one after the other lead to other states than those at once, however short the time between them.
     const bool impacts = s.moves && !s.impulses.empty();
     if (!along_some_ || impacts) not_differentiable_at_switch(found, other_switch_data);
-    if (only_along_.empty()) only_along_ = found;
+    const bool alone = c.component >= 0;
+    const bool turns = alone && std::abs(c.rate) > agreed_at_switch * size_of(p, c.component) / T_;
+    add_condition(found, alone ? component(*p.mode, c.component) : Bounded::of(p.mode->rows.constraints),
+                  !before && s.impulses.empty(), s.moves && turns);
     s.conditions.push_back(c);
   };
   const auto rate_of_component = [&](const Piece& p, double at, Index i) {
     return legendre(at).dot(derivative * polynomial(p, i)) / p.length;
   };
   const auto together = [&](bool first, const Piece& p, double at, Index i) {
-    condition({first, i, rate_of_component(p, at, i)},
+    condition({first, i, rate_of_component(p, at, i)}, p,
               text("y_%ld = w_%ld = 0 at t = %.6g, where another constraint switches or the data change", long(i),
                    long(i), s.t));
   };
@@ -89,7 +104,20 @@ void SwitchedTape::check(Switch& s, const Piece* before, const Piece& after) {
     if (vanishes(after, 0, i) && !stays(after, 0, i, D)) together(false, after, 0, i);
   const SwitchedMode& mode = after.mode->rows;
   if (mode.constraints.x.rows() > 0 && !Bounded::of(mode.constraints).after(D).vanishes())
-    condition({false, -1, 0}, text("the state meets several constraints at once at t = %.6g", s.t));
+    condition({false, -1, 0}, after, text("the state meets several constraints at once at t = %.6g", s.t));
+}
+
+// Throws where rows of a change are not zero: x and the sources there, what x is made of, and what else is added to
+// the first row, with its terms.
+void SwitchedTape::check_zero(const Bounded& rows, JetValues u, const Vector& terms_of_x, double added,
+                              double terms_added) const {
+  Vector value = evaluate(rows.value, u);
+  for (Vector* v : {&u.f, &u.df, &u.g, &u.dg, &u.ddg}) *v = v->cwiseAbs();
+  u.x = terms_of_x;
+  Vector size = terms(rows.terms, u);
+  if (value.size() > 0) value[0] += added, size[0] += terms_added;
+  if (((value.cwiseAbs() - agreed_at_switch * size).array() > 0).any())
+    not_differentiable_at_switch(only_along_, other_switch_data);
 }
 
 // The conditions of one side of a switch with a change: x of the state there, and what it is made of.
@@ -97,19 +125,24 @@ void SwitchedTape::check_conditions(const Switch& s, bool before, const Piece& p
                                     const Vector& x, const Vector& terms_of_x, double dt) const {
   for (const Condition& c : s.conditions) {
     if (c.before != before) continue;
-    const Bounded rows = c.component < 0 ? Bounded::of(p.mode->rows.constraints) : component(*p.mode, c.component);
+    const bool alone = c.component >= 0;
     JetValues u = values_of(sources, p, at);
     u.x = x;
-    Vector value = evaluate(rows.value, u);
-    for (Vector* v : {&u.f, &u.df, &u.g, &u.dg, &u.ddg}) *v = v->cwiseAbs();
-    u.x = terms_of_x;
-    Vector size = terms(rows.terms, u);
-    if (c.component >= 0) {
-      value[0] += c.rate * dt;
-      size[0] += std::max(std::abs(c.rate), size_of(p, c.component) / T_) * std::abs(dt);
-    }
-    if (((value.cwiseAbs() - agreed_at_switch * size).array() > 0).any())
-      not_differentiable_at_switch(only_along_, other_switch_data);
+    const double rate = alone ? std::max(std::abs(c.rate), size_of(p, c.component) / T_) : 0;
+    check_zero(alone ? component(*p.mode, c.component) : Bounded::of(p.mode->rows.constraints), u, terms_of_x,
+               alone ? c.rate * dt : 0, rate * std::abs(dt));
+  }
+}
+
+// What rests at this share of a part, with the change z there.
+void SwitchedTape::check_rest(const Part& part, double share, const Sources& sources, const State& z) const {
+  const Piece& p = piece_of(part);
+  for (const Index i : part.rests) {
+    const Bounded rows = component(*p.mode, i);
+    if (rows.vanishes()) continue;
+    JetValues u = values_of(sources, p, part.from + share * part.width);
+    u.x = z.x;
+    check_zero(rows, u, z.x.cwiseAbs(), 0, 0);
   }
 }
 

@@ -224,6 +224,7 @@ void SwitchedTape::add_switch(const EventSolution& solution, std::size_t k, cons
 
 void SwitchedTape::measure() {
   std::vector<Sample> run;
+  std::size_t first = 0;
   const auto sample = [&](const Part& part, double share) {
     const Piece& p = piece_of(part);
     const double at = part.from + part.width * share;
@@ -238,8 +239,9 @@ void SwitchedTape::measure() {
     const bool piece_ends = run_ends || parts_[k + 1].piece != parts_[k].piece;
     for (int i = 0; i < samples + (piece_ends ? 1 : 0); ++i) sample(parts_[k], double(i) / samples);
     if (!run_ends) continue;
-    measure_run(run, last);
+    measure_run(run, last, first, k);
     run.clear();
+    first = k + 1;
   }
   if (margin_.margin <= degenerate_margin)
     not_differentiable_at_switch(text("y_%ld = w_%ld = 0 at t = %.6g, where derivatives are one-sided",
@@ -274,11 +276,28 @@ double SwitchedTape::least_beside(const std::vector<Sample>& run, std::size_t k,
   return least;
 }
 
+// Whether component i is zero from one switch to the next, as w_i of two bounds that coincide, and may be so: it stays
+// zero with all changes, or along_some.
+bool SwitchedTape::rests(const std::vector<Sample>& run, Index i) {
+  const auto zero = [i](const Sample& s) { return std::abs(s.c[i]) <= vanishing_component; };
+  if (!std::all_of(run.begin(), run.end(), zero)) return false;
+  const Bounded rows = component(*pieces_[std::size_t(run.front().piece)].mode, i);
+  if (rows.vanishes()) return true;
+  if (!along_some_) return false;
+  add_condition(text("y_%ld = w_%ld = 0 from t = %.6g on", long(i), long(i), run.front().t), rows, false, false);
+  return true;
+}
+
 // Local minima of the components between two switches. What vanishes at a switch was checked there.
-void SwitchedTape::measure_run(const std::vector<Sample>& run, bool to_end) {
+void SwitchedTape::measure_run(const std::vector<Sample>& run, bool to_end, std::size_t first_part,
+                               std::size_t last_part) {
   constexpr double looked_at = 0.1;  // smaller samples are beside minima that may be the least
   const std::size_t count = run.size();
-  for (Index i = 0; i < n_; ++i)
+  for (Index i = 0; i < n_; ++i) {
+    if (rests(run, i)) {
+      for (std::size_t k = first_part; k <= last_part; ++k) parts_[k].rests.push_back(i);
+      continue;
+    }
     for (std::size_t k = 0; k < count; ++k) {
       const double now = run[k].c[i], before = k > 0 ? run[k - 1].c[i] : INFINITY;
       const double after = k + 1 < count ? run[k + 1].c[i] : INFINITY;
@@ -289,6 +308,7 @@ void SwitchedTape::measure_run(const std::vector<Sample>& run, bool to_end) {
       const double least = std::max(0.0, now < looked_at ? least_beside(run, k, i) : now);
       if (least < margin_.margin) margin_.margin = least, margin_.time = run[k].t, margin_.constraint = i;
     }
+  }
 }
 
 void SwitchedTape::judge_M() {
