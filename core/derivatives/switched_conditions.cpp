@@ -46,11 +46,10 @@ SwitchedTape::Bounded SwitchedTape::saltation(const Switch& s, const Piece* befo
   return D;
 }
 
-// `rows` of what has to stay zero. `at_start`: of x0 itself. `with_time`: a switch that moves is a part of it.
-void SwitchedTape::add_condition(const std::string& found, const Bounded& rows, bool at_start, bool with_time) {
+// `rows`: what has to stay zero, of the state before the switch. `at_start`: of x0 itself.
+void SwitchedTape::add_condition(const std::string& found, const Bounded& rows, bool at_start) {
   if (only_along_.empty()) only_along_ = found;
-  const bool by_state = !small_against(rows.value.x, rows.terms.x);
-  const bool by_all = with_time || (by_state && !at_start);
+  const bool by_state = !small_against(rows.value.x, rows.terms.x), by_all = by_state && !at_start;
   conditioned_.start |= by_all || by_state;
   conditioned_.rates |=
       by_all || !small_against(rows.value.f, rows.terms.f) || !small_against(rows.value.df, rows.terms.df);
@@ -62,27 +61,20 @@ void SwitchedTape::add_condition(const std::string& found, const Bounded& rows, 
 // or as a condition on them.
 void SwitchedTape::check(Switch& s, const Piece* before, const Piece& after) {
   const Matrix& derivative = Collocation::get().derivative;
-  const auto condition = [&](const Condition& c, const Piece& p, const std::string& found) {
+  const auto condition = [&](const Condition& c, const Bounded& rows, const std::string& found) {
     // Impacts one after the other lead to other states than those at once, however short the time between them.
     const bool impacts = s.moves && !s.impulses.empty();
     if (!along_some_ || impacts) not_differentiable_at_switch(found, other_switch_data);
-    const bool alone = c.component >= 0;
-    const bool turns = alone && std::abs(c.rate) > agreed_at_switch * size_of(p, c.component) / T_;
-    add_condition(found, alone ? component(*p.mode, c.component) : Bounded::of(p.mode->rows.constraints),
-                  !before && s.impulses.empty(), s.moves && turns);
+    add_condition(found, rows, !before && s.impulses.empty());
     s.conditions.push_back(c);
   };
   const auto rate_of_component = [&](const Piece& p, double at, Index i) {
     return legendre(at).dot(derivative * polynomial(p, i)) / p.length;
   };
-  const auto together = [&](bool first, const Piece& p, double at, Index i) {
-    condition({first, i, rate_of_component(p, at, i)}, p,
-              text("y_%ld = w_%ld = 0 at t = %.6g, where another constraint switches or the data change", long(i),
-                   long(i), s.t));
-  };
   Bounded dt;
   const Bounded D = saltation(s, before, dt);
-  const auto stays = [&](const Piece& p, double at, Index i, const Bounded& state) {
+  const auto check_component = [&](bool first, const Piece& p, double at, Index i, const Bounded& state) {
+    if (!vanishes(p, at, i)) return;
     const double rate = rate_of_component(p, at, i);
     Bounded c = component(*p.mode, i).after(state);
     // A rate that is only rounding has the terms of one that is not.
@@ -90,21 +82,23 @@ void SwitchedTape::check(Switch& s, const Piece* before, const Piece& after) {
       c.value = sum_of_jets(c.value, Matrix{{rate}} * dt.value);
       c.terms = sum_of_jets(c.terms, Matrix{{std::max(std::abs(rate), size_of(p, i) / T_)}} * dt.terms);
     }
-    return c.vanishes();
+    if (c.vanishes()) return;
+    condition({first, i, rate}, c,
+              text("y_%ld = w_%ld = 0 at t = %.6g, where another constraint switches or the data change", long(i),
+                   long(i), s.t));
   };
   if (before) {
     Switch none;
     Bounded no_dt;
     const Bounded state = saltation(none, before, no_dt);
     for (Index i = 0; i < n_; ++i)
-      if (i != s.component && vanishes(*before, before->until, i) && !stays(*before, before->until, i, state))
-        together(true, *before, before->until, i);
+      if (i != s.component) check_component(true, *before, before->until, i, state);
   }
-  for (Index i = 0; i < n_; ++i)
-    if (vanishes(after, 0, i) && !stays(after, 0, i, D)) together(false, after, 0, i);
+  for (Index i = 0; i < n_; ++i) check_component(false, after, 0, i, D);
   const SwitchedMode& mode = after.mode->rows;
-  if (mode.constraints.x.rows() > 0 && !Bounded::of(mode.constraints).after(D).vanishes())
-    condition({false, -1, 0}, after, text("the state meets several constraints at once at t = %.6g", s.t));
+  if (mode.constraints.x.rows() == 0) return;
+  if (const Bounded rows = Bounded::of(mode.constraints).after(D); !rows.vanishes())
+    condition({false, -1, 0}, rows, text("the state meets several constraints at once at t = %.6g", s.t));
 }
 
 // Throws where rows of a change are not zero: x and the sources there, what x is made of, and what else is added to

@@ -224,14 +224,13 @@ void SwitchedTape::add_switch(const EventSolution& solution, std::size_t k, cons
 
 void SwitchedTape::measure() {
   std::vector<Sample> run;
-  std::size_t first = 0;
   const auto sample = [&](const Part& part, double share) {
     const Piece& p = piece_of(part);
     const double at = part.from + part.width * share;
     const Vector e = legendre(at);
     Vector c(n_);
     for (Index i = 0; i < n_; ++i) c[i] = e.dot(polynomial(p, i)) / size_of(p, i);
-    run.push_back({p.begin + at * p.length, part.piece, std::move(c)});
+    run.push_back({p.begin + at * p.length, part.piece, std::size_t(&part - parts_.data()), std::move(c)});
   };
   for (std::size_t k = 0; k < parts_.size(); ++k) {
     constexpr int samples = 8;
@@ -239,9 +238,8 @@ void SwitchedTape::measure() {
     const bool piece_ends = run_ends || parts_[k + 1].piece != parts_[k].piece;
     for (int i = 0; i < samples + (piece_ends ? 1 : 0); ++i) sample(parts_[k], double(i) / samples);
     if (!run_ends) continue;
-    measure_run(run, last, first, k);
+    measure_run(run, last);
     run.clear();
-    first = k + 1;
   }
   if (margin_.margin <= degenerate_margin)
     not_differentiable_at_switch(text("y_%ld = w_%ld = 0 at t = %.6g, where derivatives are one-sided",
@@ -276,36 +274,51 @@ double SwitchedTape::least_beside(const std::vector<Sample>& run, std::size_t k,
   return least;
 }
 
-// Whether component i is zero from one switch to the next, as w_i of two bounds that coincide, and may be so: it stays
-// zero with all changes, or along_some.
-bool SwitchedTape::rests(const std::vector<Sample>& run, Index i) {
-  const auto zero = [i](const Sample& s) { return std::abs(s.c[i]) <= vanishing_component; };
-  if (!std::all_of(run.begin(), run.end(), zero)) return false;
-  const Bounded rows = component(*pieces_[std::size_t(run.front().piece)].mode, i);
-  if (rows.vanishes()) return true;
-  if (!along_some_) return false;
-  add_condition(text("y_%ld = w_%ld = 0 from t = %.6g on", long(i), long(i), run.front().t), rows, false, false);
+// Whether component i, which is zero on the piece of these samples, may be so: it stays zero with all changes, or
+// along_some.
+bool SwitchedTape::may_rest(const std::vector<Sample>& run, std::size_t first, std::size_t last, Index i) {
+  const Bounded rows = component(*pieces_[std::size_t(run[first].piece)].mode, i);
+  const bool always = rows.vanishes();
+  if (!always && !along_some_) return false;
+  if (!always)
+    add_condition(text("y_%ld = w_%ld = 0 from t = %.6g on", long(i), long(i), run[first].t), rows, false);
+  for (std::size_t k = first; k < last; ++k)
+    if (std::vector<Index>& known = parts_[run[k].part].rests; !always && (known.empty() || known.back() != i))
+      known.push_back(i);
   return true;
 }
 
+// The samples of pieces on which component i is zero and may be so, as w_i of two bounds that coincide. Zeros beside
+// such a piece belong to it.
+std::vector<char> SwitchedTape::resting(const std::vector<Sample>& run, Index i) {
+  const auto zero = [&](std::size_t k) { return std::abs(run[k].c[i]) <= vanishing_component; };
+  std::vector<char> found(run.size(), 0);
+  for (std::size_t first = 0, last = 0; first < run.size(); first = last) {
+    bool all = true;
+    for (last = first; last < run.size() && run[last].piece == run[first].piece; ++last) all = all && zero(last);
+    if (!all || !may_rest(run, first, last, i)) continue;
+    std::fill(found.begin() + std::ptrdiff_t(first), found.begin() + std::ptrdiff_t(last), 1);
+    if (first > 0 && zero(first - 1)) found[first - 1] = 1;
+    if (last < run.size() && zero(last)) found[last] = 1;
+  }
+  return found;
+}
+
 // Local minima of the components between two switches. What vanishes at a switch was checked there.
-void SwitchedTape::measure_run(const std::vector<Sample>& run, bool to_end, std::size_t first_part,
-                               std::size_t last_part) {
+void SwitchedTape::measure_run(const std::vector<Sample>& run, bool to_end) {
   constexpr double looked_at = 0.1;  // smaller samples are beside minima that may be the least
   const std::size_t count = run.size();
   for (Index i = 0; i < n_; ++i) {
-    if (rests(run, i)) {
-      for (std::size_t k = first_part; k <= last_part; ++k) parts_[k].rests.push_back(i);
-      continue;
-    }
+    const std::vector<char> rests = resting(run, i);
     for (std::size_t k = 0; k < count; ++k) {
       const double now = run[k].c[i], before = k > 0 ? run[k - 1].c[i] : INFINITY;
       const double after = k + 1 < count ? run[k + 1].c[i] : INFINITY;
-      if (now > before || now > after) continue;
+      if (now > before || now > after || rests[k]) continue;
       const double near = near_switch * T_;
       const bool at_end = run[k].t - run.front().t <= near || (!to_end && run.back().t - run[k].t <= near);
       if (at_end && std::abs(now) <= vanishing_component) continue;
-      const double least = std::max(0.0, now < looked_at ? least_beside(run, k, i) : now);
+      const bool by_rest = (k > 0 && rests[k - 1]) || (k + 1 < count && rests[k + 1]);
+      const double least = std::max(0.0, now < looked_at && !by_rest ? least_beside(run, k, i) : now);
       if (least < margin_.margin) margin_.margin = least, margin_.time = run[k].t, margin_.constraint = i;
     }
   }

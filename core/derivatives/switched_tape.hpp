@@ -68,7 +68,7 @@ class SwitchedTape {
     Index interval;     ///< j: the part lies within t_j and t_{j+1}
     Index row = -1;     ///< the time at the begin; -1: none
     Index change = -1;  ///< the Switch at the begin; -1: none
-    /// Components that are zero from one switch to the next, and have to stay so with a change.
+    /// Components that are zero on the whole piece, and have to stay so with a change.
     std::vector<Index> rests = {};
   };
   struct Impulse {
@@ -101,6 +101,7 @@ class SwitchedTape {
   struct Sample {
     double t;
     Index piece;
+    std::size_t part;
     Vector c;
   };
 
@@ -123,9 +124,10 @@ class SwitchedTape {
   void check_conditions(const Switch&, bool before, const Piece&, double at, const Sources&, const Vector& x,
                         const Vector& terms_of_x, double dt) const;
   void measure();
-  bool rests(const std::vector<Sample>&, Index i);
-  void measure_run(const std::vector<Sample>&, bool to_end, std::size_t first_part, std::size_t last_part);
-  void add_condition(const std::string& found, const Bounded& rows, bool at_start, bool with_time);
+  bool may_rest(const std::vector<Sample>&, std::size_t first, std::size_t last, Index i);
+  std::vector<char> resting(const std::vector<Sample>&, Index i);
+  void measure_run(const std::vector<Sample>&, bool to_end);
+  void add_condition(const std::string& found, const Bounded& rows, bool at_start);
   void check_zero(const Bounded& rows, JetValues u, const Vector& terms_of_x, double added, double terms_added) const;
   void check_rest(const Part&, double share, const Sources&, const State&) const;
   double least_beside(const std::vector<Sample>&, std::size_t k, Index i) const;
