@@ -140,43 +140,48 @@ Vector ContourStates::seen_transposed(const RowMatrix& rho) const {
 
 // Of the contour of one step: d, l and r, and the prepared solves.
 struct ContourStates::Step {
-  Step(const ContourStates& of, const Dynamics& d) : threads(of.threads_) {
+  Step(const ContourStates& of, bool transposed)
+      : threads(of.threads_), transposed(transposed), factors(of.factors_of(0)) {
     const LagWindow& window = of.windows_.front();
     decay = exponential_factors(window.contour, of.h_, 1, 1).row(0).transpose();
     left = window.S.row(1).transpose();
     right = window.F.row(0).transpose();
+    if (factors) return;
     for (const Complex z : window.contour.nodes) {
-      systems.push_back(d->at_shift(z));
+      systems.push_back((transposed ? *of.transposed_ : of.d_)->at_shift(z));
       if (!systems.back()) throw eigenvalue_at(z);
     }
   }
 
   Index nodes() const { return decay.size(); }
-  /// Column p: S(z_p) right_of(p).
-  template <class Right>
-  ComplexMatrix solve(Index m, const Right& right_of) {
-    ComplexMatrix found(m, nodes());
+  /// Column p: S(z_p) or S(z_p)^T times column p.
+  ComplexMatrix solve(const ComplexMatrix& given) {
+    if (factors) return factors->solve(given, transposed, threads);
+    ComplexMatrix found(given.rows(), nodes());
     share_each(threads, nodes(), [&](Index p) {
-      found.col(p) = systems[std::size_t(p)]->solve(ShiftedSystem<Complex>::Column(right_of(p)));
+      found.col(p) = systems[std::size_t(p)]->solve(ShiftedSystem<Complex>::Column(given.col(p)));
     });
     return found;
   }
 
   const HostThreads& threads;
+  const bool transposed;
+  std::shared_ptr<const SparseShifts::Factors> factors;  ///< or null
   ComplexVector decay, left, right;
   std::vector<std::unique_ptr<ShiftedSystem<Complex>>> systems;
 };
 
 RowMatrix ContourStates::states(const Vector& x0, const RowMatrix& u) const {
-  Step step(*this, d_);
+  Step step(*this, false);
   RowMatrix x(J_ + 1, d_->states());
   x.row(0) = x0.transpose();
   for (Index j = 1; j <= J_; ++j) {
     const Vector decayed = d_->times_mass(x.row(j - 1).transpose()), before = B_ * u.row(j - 1).transpose(),
                  now = B_ * u.row(j).transpose();
-    const ComplexMatrix found = step.solve(x.cols(), [&](Index p) {
-      return ComplexVector(step.decay[p] * decayed + step.left[p] * before + step.right[p] * now);
-    });
+    ComplexMatrix given(x.cols(), step.nodes());
+    for (Index p = 0; p < step.nodes(); ++p)
+      given.col(p) = step.decay[p] * decayed + step.left[p] * before + step.right[p] * now;
+    const ComplexMatrix found = step.solve(given);
     x.row(j) = found.real().rowwise().sum().transpose();
   }
   return x;
@@ -184,12 +189,11 @@ RowMatrix ContourStates::states(const Vector& x0, const RowMatrix& u) const {
 
 std::pair<RowMatrix, Vector> ContourStates::states_transposed(const RowMatrix& of_x) const {
   if (!transposed_) throw Error("x", "has no gradient where A is known by its solves alone", "weigh y, w or integral");
-  Step step(*this, *transposed_);
+  Step step(*this, true);
   RowMatrix u = RowMatrix::Zero(J_ + 1, B_.cols());
   Vector q = of_x.row(J_).transpose();
   for (Index j = J_; j > 0; --j) {
-    const ComplexVector given = q.cast<Complex>();
-    const ComplexMatrix found = step.solve(q.size(), [&](Index) { return given; });
+    const ComplexMatrix found = step.solve(q.cast<Complex>().replicate(1, step.nodes()));
     const auto sum = [&](const ComplexVector& factors) { return Vector((found * factors).real()); };
     u.row(j) += (B_.transpose() * sum(step.right)).transpose();
     u.row(j - 1) += (B_.transpose() * sum(step.left)).transpose();

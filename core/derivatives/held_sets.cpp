@@ -98,10 +98,11 @@ bool HeldSets::use_linear_march() {
   given.r = r_.get();
   const SetFactors& factors = *factors_;
   if (transposes_)
-    march_ = marches->linear_march(given, problem_.J + 1, [&factors, J = problem_.J](Index j, const Vector& q, Vector& y) {
-      factors.responses.solve_transposed(factors.sets[std::size_t(J + 1 - j)], q, y);
-      y = -y;
-    });
+    march_ =
+        marches->linear_march(given, problem_.J + 1, [&factors, J = problem_.J](Index j, const Vector& q, Vector& y) {
+          factors.responses.solve_transposed(factors.sets[std::size_t(J + 1 - j)], q, y);
+          y = -y;
+        });
   else
     march_ = marches->linear_march(given, problem_.J + 1, [&factors](Index j, const Vector& q, Vector& y) {
       factors.responses.solve(factors.sets[std::size_t(j)], q, y);

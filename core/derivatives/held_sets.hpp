@@ -48,7 +48,7 @@ class HeldSets {
   HeldSets& operator=(const HeldSets&) = delete;
 
   struct Found {
-    RowMatrix y, w;       ///< w = M y + K y + r
+    RowMatrix y, w;      ///< w = M y + K y + r
     RowMatrix driven{};  ///< K y; empty where the method leaves none
   };
   /// `r`: (J+1) x n. Throws Error if no method solves the problem.
@@ -83,10 +83,10 @@ class HeldSets {
   std::shared_ptr<const SetFactors> factors_;  ///< of a linear march, perhaps those of the transposed problem
   const bool transposes_;
   std::unique_ptr<March> march_;  ///< linear; null: prepared_ solves complementarity problems
-  RowMatrix active_, offset_;  ///< ŷ, r̂
-  double inactive_ = 1;        ///< W
-  double gain_ = 0;            ///< size of y and w / W for an r of size one, in the last solve; 0: not known
-  Found found_;                ///< of the last run
+  RowMatrix active_, offset_;     ///< ŷ, r̂
+  double inactive_ = 1;           ///< W
+  double gain_ = 0;               ///< size of y and w / W for an r of size one, in the last solve; 0: not known
+  Found found_;                   ///< of the last run
 };
 
 }  // namespace bromwich

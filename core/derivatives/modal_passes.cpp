@@ -45,7 +45,7 @@ struct ModalDerivative::Pass {
 
   Index first = 0, count = 0;
   bool from_one_side = false;  ///< see weighs_start
-  RowMatrix u, v;  ///< y + phi and v; backward what u gets, and ρ
+  RowMatrix u, v;              ///< y + phi and v; backward what u gets, and ρ
   ModalConvolution::State z;
   Vector next;    ///< a or b of the next step
   Vector of_set;  ///< modes of y or mu

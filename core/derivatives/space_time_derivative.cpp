@@ -18,7 +18,7 @@ namespace {
 
 constexpr double left_where_y_acts = 1e-7;  ///< of the largest terms of w: what w may leave where y acts
 constexpr double smallest_rcond_at_zero = 1e-14;
-constexpr double most_tabulated = 1 << 28;     ///< (J+1) n^2 of lag weights: 2 GiB
+constexpr double most_tabulated = 1 << 28;  ///< (J+1) n^2 of lag weights: 2 GiB
 constexpr double largest_growth = 9;  ///< of log |x|: responses to x0 and y that grow by more cancel too many digits
 
 [[noreturn]] void refuse_here(const std::string& found, const std::string& remedy) {
@@ -163,7 +163,7 @@ HeldSets& SpaceTimeDerivative::backward() {
   Scene adjoint = scene_;
   adjoint.M = transposed_M_;
   backward_ = std::make_unique<HeldSets>(
-      adjoint, backend_, in_reversed_time(active_), forward_->method(), family_,
+      adjoint, backend_, in_reversed_time(1, active_), forward_->method(), family_,
       [this](const DiscreteProblem& p) { return make_transposed_operator(p, forward_->time_operator()); },
       forward_.get());
   return *backward_;
@@ -202,7 +202,10 @@ DataChange SpaceTimeDerivative::vjp(const SolutionChange& of, bool by_x0) {
   if (found.driven.size() > 0) {
     RowMatrix driven = in_reversed_time(-1, found.driven);
     driven.row(0) = transposed_start(backend_, *forward_->weights(), bar.g).transpose();
-    of.w.size() > 0 ? bar.f += driven : bar.f.swap(driven);
+    if (of.w.size() > 0)
+      bar.f += driven;
+    else
+      bar.f = std::move(driven);
   }
   if (of.w.size() > 0) bar.g += of.w;
   if (found.driven.size() == 0) bar.f = backward_kernel().apply(bar.g);

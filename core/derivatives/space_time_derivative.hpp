@@ -10,8 +10,8 @@
 //     ((M + K)^T mu)_S = (ȳ + (M + K)^T w̄)_S,      rho = w̄ - mu,
 //     ḡ = rho,   M̄ = rho^T y,   φ̄ = K^T rho,   x̄0 = Σ_j e^{A^T t_j} N^T rho_j,
 //
-// where K^T runs backwards in time. Both are solved by the method of the solution: marched, swept or in cycles. Marching
-// a Kronecker sum on the host is stepping in modes (core/derivatives/modal_derivative.hpp).
+// where K^T runs backwards in time. Both are solved by the method of the solution: marched, swept or in cycles.
+// Marching a Kronecker sum on the host is stepping in modes (core/derivatives/modal_derivative.hpp).
 
 #include "../seam/backend.hpp"
 #include "held_sets.hpp"
@@ -61,11 +61,11 @@ class SpaceTimeDerivative {
   RowMatrix y_, w_, active_;
   RowMatrix eta_;  ///< of vjp, kept: memory for a moment costs more than what is written to it
   LcpMatrix transposed_M_;
-  std::unique_ptr<ModalDerivative> stepped_;  ///< takes all products, or null
-  std::unique_ptr<HeldSets> forward_, backward_;  ///< the second is made by the first vjp
-  std::unique_ptr<TransposedKernel> backward_kernel_;     ///< likewise, where K^T is not left by the march
-  std::unique_ptr<StateMaps> maps_;  ///< made on first use
-  SetResponses at_zero_;             ///< of M
+  std::unique_ptr<ModalDerivative> stepped_;           ///< takes all products, or null
+  std::unique_ptr<HeldSets> forward_, backward_;       ///< the second is made by the first vjp
+  std::unique_ptr<TransposedKernel> backward_kernel_;  ///< likewise, where K^T is not left by the march
+  std::unique_ptr<StateMaps> maps_;                    ///< made on first use
+  SetResponses at_zero_;                               ///< of M
   Index set_at_zero_ = 0;
   std::vector<Index> undecided_;  ///< undecided_at_start
   DerivativeMargin margin_;

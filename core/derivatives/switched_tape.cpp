@@ -280,8 +280,7 @@ bool SwitchedTape::may_rest(const std::vector<Sample>& run, std::size_t first, s
   const Bounded rows = component(*pieces_[std::size_t(run[first].piece)].mode, i);
   const bool always = rows.vanishes();
   if (!always && !along_some_) return false;
-  if (!always)
-    add_condition(text("y_%ld = w_%ld = 0 from t = %.6g on", long(i), long(i), run[first].t), rows, false);
+  if (!always) add_condition(text("y_%ld = w_%ld = 0 from t = %.6g on", long(i), long(i), run[first].t), rows, false);
   for (std::size_t k = first; k < last; ++k)
     if (std::vector<Index>& known = parts_[run[k].part].rests; !always && (known.empty() || known.back() != i))
       known.push_back(i);

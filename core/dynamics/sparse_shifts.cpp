@@ -29,8 +29,7 @@ Index used_lanes(const ComplexVector& nodes, Index group) { return std::min(lane
 }  // namespace
 
 struct SparseShifts::Impl {
-  explicit Impl(const SparseDynamics& d)
-      : N(0, d.A.cols()), system(d.A, d.E, SparseMatrix(d.A.rows(), 0), N) {}
+  explicit Impl(const SparseDynamics& d) : N(0, d.A.cols()), system(d.A, d.E, SparseMatrix(d.A.rows(), 0), N) {}
 
   const SparseMatrix N;  ///< none
   const System system;
@@ -86,8 +85,7 @@ class AllFactors final : public SparseShifts::Factors {
   // Whether u = ±1 is found from (zE - A) u.
   bool finds_known(const HostThreads& threads) const {
     ComplexMatrix right(s_.u.size(), nodes_.size());
-    for (Index p = 0; p < nodes_.size(); ++p)
-      right.col(p) = nodes_[p] * s_.Eu.cast<Complex>() - s_.Au.cast<Complex>();
+    for (Index p = 0; p < nodes_.size(); ++p) right.col(p) = nodes_[p] * s_.Eu.cast<Complex>() - s_.Au.cast<Complex>();
     const ComplexMatrix found = solve(right, false, threads);
     return found.allFinite() && (found.colwise() - s_.u.cast<Complex>()).cwiseAbs().maxCoeff() <= accepted_of_known;
   }

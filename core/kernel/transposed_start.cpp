@@ -74,8 +74,9 @@ Vector transposed_start(Backend& backend, const Weights& weights, const RowMatri
   const FaceBasis face = modal_face(weights);
   const RowMatrix seen = face.empty() ? u : transformed(backend, face, u, Way::to_modes);
   const LagTable* table = lag_table_of(weights);
-  const Vector sum = table ? sum_over_start(*table, seen)
-                           : std::visit([&](const auto& r) { return sum_over_start(r, seen); }, *recurrence_of(weights));
+  const Vector sum = table
+                         ? sum_over_start(*table, seen)
+                         : std::visit([&](const auto& r) { return sum_over_start(r, seen); }, *recurrence_of(weights));
   if (face.empty()) return sum;
   return transformed(backend, face, sum.transpose(), Way::to_points).transpose();
 }

@@ -154,8 +154,8 @@ TEST(SwitchedDerivative, AlongChangesThatKeepASymmetry) {
             std::string::npos);
 }
 
-// A boost converter in continuous conduction, as examples/boost.toml. While the switch is off both bounds of its current
-// are 0, so that y_2 = w_2 = 0 for a while. x follows two linear modes between times that are known.
+// A boost converter in continuous conduction, as examples/boost.toml. While the switch is off both bounds of its
+// current are 0, so that y_2 = w_2 = 0 for a while. x follows two linear modes between times that are known.
 struct Boost {
   double Vin = 1, L = 0.5, C = 0.8, R = 2, off = 0.5;
   Vector x0 = Vector{{1.4, 1.7}};
@@ -258,8 +258,9 @@ TEST(SwitchedDerivative, GradientsOfAConverterWhoseGateIsClosed) {
   const double forward = dot(of.y, out.y) + dot(of.x, out.x) + dot(of.integral, out.integral);
   const double backward =
       bar.x0.dot(c.x0) + dot(bar.f, c.f) + bar.A.cwiseProduct(c.A).sum() + bar.B.cwiseProduct(c.B).sum();
-  EXPECT_NEAR(forward, backward,
-              1e-12 * (of.y.norm() * out.y.norm() + of.x.norm() * out.x.norm() + of.integral.norm() * out.integral.norm()));
+  EXPECT_NEAR(
+      forward, backward,
+      1e-12 * (of.y.norm() * out.y.norm() + of.x.norm() * out.x.norm() + of.integral.norm() * out.integral.norm()));
 }
 
 // E x' = A x + B y: the same as with E^{-1} A and E^{-1} B, and its derivative with respect to E.

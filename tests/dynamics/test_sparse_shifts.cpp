@@ -5,8 +5,8 @@
 #include "cpu/cpu_backend.hpp"
 #include "tests/support/reference.hpp"
 
-#include <Eigen/LU>
 #include <gtest/gtest.h>
+#include <Eigen/LU>
 
 #include <cmath>
 #include <string>
