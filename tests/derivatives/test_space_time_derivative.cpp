@@ -5,6 +5,8 @@
 
 #include "core/catalogue/catalogue.hpp"
 #include "core/derivatives/modal_derivative.hpp"
+#include "core/kernel/discretise.hpp"
+#include "core/kernel/operators.hpp"
 #include "core/solve/solve.hpp"
 #include "tests/derivatives/drawn_changes.hpp"
 #include "tests/support/backends.hpp"
@@ -140,7 +142,7 @@ TEST(SpaceTimeDerivative, AgreesWithDifferencesOfSolves) {
   }
 }
 
-// So many steps that the solve takes few poles for the kernel. The derivative takes lag weights.
+// So many steps that solves take few poles for the kernel where they fit. The derivative takes lag weights.
 TEST(SpaceTimeDerivative, OfSparseDynamicsThatAreSolvedByFewPoles) {
   const Index J = 1024;
   const auto backend = make_cpu_backend(2);
@@ -148,7 +150,7 @@ TEST(SpaceTimeDerivative, OfSparseDynamicsThatAreSolvedByFewPoles) {
   Scene sparse = modes;
   sparse.dynamics = to_sparse(get<KroneckerDynamics>(modes.dynamics));
   const Result r = solved(sparse, J, Method::march, *backend);
-  EXPECT_NE(r.kernel.find("poles"), std::string::npos) << r.kernel;
+  EXPECT_TRUE(poles_pay(discretise(sparse, *backend, J)));
   SpaceTimeDerivative d(sparse, r, *backend);
   const ModalDerivative exact(modes, solved(modes, J, Method::march, *backend));
   const DataChange c = drawn(sparse, J, 3);
