@@ -12,6 +12,14 @@ namespace bromwich {
 
 using namespace switched;
 
+namespace {
+
+std::string rest_in_words(Index i, double from) {
+  return text("y_%ld = w_%ld = 0 from t = %.6g on, and has to stay so", long(i), long(i), from);
+}
+
+}  // namespace
+
 // The change of the state after the switch, as rows of that before; dt is one row.
 SwitchedTape::Bounded SwitchedTape::saltation(const Switch& s, const Piece* before, Bounded& dt) const {
   Jet identity = Jet::zero(m_, m_, n_);
@@ -61,11 +69,11 @@ void SwitchedTape::add_condition(const std::string& found, const Bounded& rows, 
 // or as a condition on them.
 void SwitchedTape::check(Switch& s, const Piece* before, const Piece& after) {
   const Matrix& derivative = Collocation::get().derivative;
-  const auto condition = [&](const Condition& c, const Bounded& rows, const std::string& found) {
+  const auto condition = [&](const Condition& c, const Bounded& rows) {
     // Impacts one after the other lead to other states than those at once, however short the time between them.
     const bool impacts = s.moves && !s.impulses.empty();
-    if (!along_some_ || impacts) not_differentiable_at_switch(found, other_switch_data);
-    add_condition(found, rows, !before && s.impulses.empty());
+    if (!along_some_ || impacts) not_differentiable_at_switch(c.found, other_switch_data);
+    add_condition(c.found, rows, !before && s.impulses.empty());
     s.conditions.push_back(c);
   };
   const auto rate_of_component = [&](const Piece& p, double at, Index i) {
@@ -83,9 +91,10 @@ void SwitchedTape::check(Switch& s, const Piece* before, const Piece& after) {
       c.terms = sum_of_jets(c.terms, Matrix{{std::max(std::abs(rate), size_of(p, i) / T_)}} * dt.terms);
     }
     if (c.vanishes()) return;
-    condition({first, i, rate}, c,
-              text("y_%ld = w_%ld = 0 at t = %.6g, where another constraint switches or the data change", long(i),
-                   long(i), s.t));
+    condition({first, i, rate,
+               text("y_%ld = w_%ld = 0 at t = %.6g, where another constraint switches or the data change", long(i),
+                    long(i), s.t)},
+              c);
   };
   if (before) {
     Switch none;
@@ -98,20 +107,20 @@ void SwitchedTape::check(Switch& s, const Piece* before, const Piece& after) {
   const SwitchedMode& mode = after.mode->rows;
   if (mode.constraints.x.rows() == 0) return;
   if (const Bounded rows = Bounded::of(mode.constraints).after(D); !rows.vanishes())
-    condition({false, -1, 0}, rows, text("the state meets several constraints at once at t = %.6g", s.t));
+    condition({false, -1, 0, text("the state meets several constraints at once at t = %.6g", s.t)}, rows);
 }
 
 // Throws where rows of a change are not zero: x and the sources there, what x is made of, and what else is added to
-// the first row, with its terms.
+// the first row, with its terms. `found`: the reason.
 void SwitchedTape::check_zero(const Bounded& rows, JetValues u, const Vector& terms_of_x, double added,
-                              double terms_added) const {
+                              double terms_added, const std::string& found) const {
   Vector value = evaluate(rows.value, u);
   for (Vector* v : {&u.f, &u.df, &u.g, &u.dg, &u.ddg}) *v = v->cwiseAbs();
   u.x = terms_of_x;
   Vector size = terms(rows.terms, u);
   if (value.size() > 0) value[0] += added, size[0] += terms_added;
   if (((value.cwiseAbs() - agreed_at_switch * size).array() > 0).any())
-    not_differentiable_at_switch(only_along_, other_switch_data);
+    not_differentiable_at_switch(found, other_switch_data);
 }
 
 // The conditions of one side of a switch with a change: x of the state there, and what it is made of.
@@ -124,7 +133,7 @@ void SwitchedTape::check_conditions(const Switch& s, bool before, const Piece& p
     u.x = x;
     const double rate = alone ? std::max(std::abs(c.rate), size_of(p, c.component) / T_) : 0;
     check_zero(alone ? component(*p.mode, c.component) : Bounded::of(p.mode->rows.constraints), u, terms_of_x,
-               alone ? c.rate * dt : 0, rate * std::abs(dt));
+               alone ? c.rate * dt : 0, rate * std::abs(dt), c.found);
   }
 }
 
@@ -136,7 +145,7 @@ void SwitchedTape::check_rest(const Part& part, double share, const Sources& sou
     if (rows.vanishes()) continue;
     JetValues u = values_of(sources, p, part.from + share * part.width);
     u.x = z.x;
-    check_zero(rows, u, z.x.cwiseAbs(), 0, 0);
+    check_zero(rows, u, z.x.cwiseAbs(), 0, 0, rest_in_words(i, p.begin));
   }
 }
 

@@ -15,6 +15,8 @@ constexpr double same_time = 1e-12;         ///< of T
 constexpr double degenerate_margin = 1e-6;  ///< of the size of a component: smaller margins are refused
 constexpr double grazing = 1e-6;            ///< T |c'| of the size of c, likewise
 constexpr double share_of_terms = 1e-2;     ///< the size of a component is at least this share of its terms
+/// And of the largest component of y or w, in natural units: a component that is only rounding has no size of its own.
+constexpr double share_of_largest = 1e-8;
 
 }  // namespace
 
@@ -129,8 +131,8 @@ void SwitchedTape::find_sizes(const EventSolution& s) {
         most = std::max(most, std::abs(legendre(at * p.until).dot(c)));
       most = std::max(most, share_of_terms * (active ? of_y[i] : of_w[i]));
     }
-    p.most_y = most_y;
-    p.most_w = most_w;
+    p.most_y = most_y.cwiseMax(share_of_largest * (n_ > 0 ? most_y.maxCoeff() : 0));
+    p.most_w = most_w.cwiseMax(share_of_largest * (n_ > 0 ? most_w.maxCoeff() : 0));
   }
 }
 
@@ -297,8 +299,8 @@ std::vector<char> SwitchedTape::resting(const std::vector<Sample>& run, Index i)
     for (last = first; last < run.size() && run[last].piece == run[first].piece; ++last) all = all && zero(last);
     if (!all || !may_rest(run, first, last, i)) continue;
     std::fill(found.begin() + std::ptrdiff_t(first), found.begin() + std::ptrdiff_t(last), 1);
-    if (first > 0 && zero(first - 1)) found[first - 1] = 1;
-    if (last < run.size() && zero(last)) found[last] = 1;
+    for (std::size_t k = first; k > 0 && zero(k - 1); --k) found[k - 1] = 1;
+    for (std::size_t k = last; k < run.size() && zero(k); ++k) found[k] = 1;
   }
   return found;
 }

@@ -81,6 +81,7 @@ class SwitchedTape {
     bool before;
     Index component;
     double rate;
+    std::string found;
   };
   // At a time that depends on the solution, or at one that does not.
   struct Switch {
@@ -128,7 +129,8 @@ class SwitchedTape {
   std::vector<char> resting(const std::vector<Sample>&, Index i);
   void measure_run(const std::vector<Sample>&, bool to_end);
   void add_condition(const std::string& found, const Bounded& rows, bool at_start);
-  void check_zero(const Bounded& rows, JetValues u, const Vector& terms_of_x, double added, double terms_added) const;
+  void check_zero(const Bounded& rows, JetValues u, const Vector& terms_of_x, double added, double terms_added,
+                  const std::string& found) const;
   void check_rest(const Part&, double share, const Sources&, const State&) const;
   double least_beside(const std::vector<Sample>&, std::size_t k, Index i) const;
   void judge_M();
