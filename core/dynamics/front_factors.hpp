@@ -52,17 +52,25 @@ class FrontFactors {
     return std::size_t(i < f.pivots ? f.first + i : Index(f.rest[std::size_t(i - f.pivots)]));
   }
 
-  // x <- L^{-1} x, or U^{-T} x.
+  static bool is_zero(const Entry& e) {
+    double sum = 0;
+    for (Index lane = 0; lane < simd::lanes; ++lane) sum += std::abs(e.re[lane]) + std::abs(e.im[lane]);
+    return sum == 0;
+  }
+
+  // x <- L^{-1} x, or U^{-T} x. Right sides of a few constraints are zero in most fronts.
   void forward(Entry* x, bool upper) const {
     const Entry* from = values_.data();
     for (const Front& f : s_.plan.fronts)
       for (Index p = 0; p < f.pivots; ++p) {
         const Index count = behind(f, p);
-        Entry& own = x[f.first + p];
-        if (upper) own = product(own, from[0]);
-        const Entry value = own, *factors = from + 1 + (upper ? count : 0);
-        for (Index i = 0; i < count; ++i) subtract_product(x[place(f, p + 1 + i)], factors[i], value);
+        const Entry *factors = from + 1 + (upper ? count : 0), inverse_pivot = from[0];
         from += size(count);
+        Entry& own = x[f.first + p];
+        if (is_zero(own)) continue;
+        if (upper) own = product(own, inverse_pivot);
+        const Entry value = own;
+        for (Index i = 0; i < count; ++i) subtract_product(x[place(f, p + 1 + i)], factors[i], value);
       }
   }
 

@@ -17,10 +17,10 @@ Vector sum_over_start(const DenseRecurrence& r, const RowMatrix& u) {
   return r.start.transpose() * z;
 }
 
-constexpr Index lanes = 8, chains = 4;  ///< modes and exponentials that go through time together
+constexpr Index modes_together = 8, chains = 4;  ///< modes and exponentials that go through time together
 
 // Σ_j E_k^{j-1} u_j of some modes and the exponentials k to k + chains, by Horner's rule. `rows`: u_1, u_2, ...
-using ModeLanes = Eigen::Array<double, lanes, 1>;
+using ModeLanes = Eigen::Array<double, modes_together, 1>;
 void add_chains(const ModalRecurrence& r, const std::vector<ModeLanes>& rows, Index first, Index count, Index k,
                 ModeLanes& sum) {
   ModeLanes z[chains], decay[chains];
@@ -42,8 +42,8 @@ Vector sum_over_start(const ModalRecurrence& r, const RowMatrix& u) {
   const Index n = r.modes(), J = u.rows() - 1;
   Vector sum = J > 0 ? Vector(r.s1.cwiseProduct(u.row(1).transpose())) : Vector(Vector::Zero(n));
   std::vector<ModeLanes> rows(std::size_t(J), ModeLanes::Zero());
-  for (Index first = 0; first < n; first += lanes) {
-    const Index count = std::min(lanes, n - first);
+  for (Index first = 0; first < n; first += modes_together) {
+    const Index count = std::min(modes_together, n - first);
     for (Index j = 0; j < J; ++j)
       rows[std::size_t(j)].head(count) = u.row(j + 1).segment(first, count).transpose().array();
     ModeLanes added = ModeLanes::Zero();
