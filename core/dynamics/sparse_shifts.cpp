@@ -3,12 +3,14 @@
 #include "core/base/interruption.hpp"
 #include "core/dynamics/front_factors.hpp"
 
+#include <algorithm>
 #include <atomic>
-#include <cmath>
+#include <memory>
+#include <vector>
 
 namespace bromwich {
 
-using namespace multifrontal;
+namespace multifrontal {
 
 namespace {
 
@@ -25,17 +27,6 @@ Entry lanes_of(const ComplexVector& nodes, Index group) {
 }
 
 Index used_lanes(const ComplexVector& nodes, Index group) { return std::min(lanes, nodes.size() - group * lanes); }
-
-}  // namespace
-
-struct SparseShifts::Impl {
-  explicit Impl(const SparseDynamics& d) : N(0, d.A.cols()), system(d.A, d.E, SparseMatrix(d.A.rows(), 0), N) {}
-
-  const SparseMatrix N;  ///< none
-  const System system;
-};
-
-namespace {
 
 class AllFactors final : public SparseShifts::Factors {
  public:
@@ -98,12 +89,21 @@ class AllFactors final : public SparseShifts::Factors {
 
 }  // namespace
 
+}  // namespace multifrontal
+
+struct SparseShifts::Impl {
+  explicit Impl(const SparseDynamics& d) : N(0, d.A.cols()), system(d.A, d.E, SparseMatrix(d.A.rows(), 0), N) {}
+
+  const SparseMatrix N;  ///< none
+  const multifrontal::System system;
+};
+
 SparseShifts::SparseShifts(const SparseDynamics& d) : impl_(std::make_unique<const Impl>(d)) {}
 SparseShifts::~SparseShifts() = default;
 
 std::shared_ptr<const SparseShifts::Factors> SparseShifts::factorize(const ComplexVector& nodes,
                                                                      const HostThreads& threads) const {
-  auto made = std::make_shared<const AllFactors>(impl_->system, nodes, threads);
+  auto made = std::make_shared<const multifrontal::AllFactors>(impl_->system, nodes, threads);
   return made->finds_known(threads) ? made : nullptr;
 }
 
