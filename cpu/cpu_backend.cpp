@@ -22,7 +22,7 @@ namespace bromwich {
 
 namespace {
 
-class CpuBackend final : public Backend, public SharedMemory {
+class CpuBackend final : public Backend, public SharedMemory, public LinearMarches {
  public:
   explicit CpuBackend(int threads) : Backend("cpu", cpu_traits()), threads_(threads) {
     fused_.upload_product = [this](const RowMatrix& amplitudes, const Matrix& shapes, Array& to) {
@@ -101,7 +101,10 @@ class CpuBackend final : public Backend, public SharedMemory {
     return cpu::make_dense_lcp(std::get<Matrix>(M), lcp_class, rows, threads_);
   }
   std::unique_ptr<March> march(const MarchProblem& problem, Index rows) override {
-    return problem.lags ? cpu::make_lag_march(problem, rows, threads_) : cpu::make_march(problem, rows, threads_);
+    return cpu::make_march(problem, rows, threads_);
+  }
+  std::unique_ptr<March> linear_march(const MarchProblem& problem, Index rows, const LinearStep& step) override {
+    return cpu::make_march(problem, rows, threads_, step);
   }
 
   // SharedMemory

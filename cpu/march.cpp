@@ -10,7 +10,7 @@
 // dominates a step-wise march), and b sums stay in registers. Lags within the block are applied directly, in modes.
 
 #include "core/host/face_lcp.hpp"
-#include "core/host/step_lcp.hpp"
+#include "cpu/march_step.hpp"
 #include "cpu/parts.hpp"
 #include "cpu/simd.hpp"
 
@@ -23,13 +23,12 @@ namespace bromwich::cpu {
 
 using host::invalidate;
 using host::Poll;
-using host::StepLcp;
 
 namespace {
 
 class ModalMarch final : public ImmediateMarch {
  public:
-  ModalMarch(const MarchProblem& problem, const ModalRecurrence& r, Index rows, int threads)
+  ModalMarch(const MarchProblem& problem, const ModalRecurrence& r, Index rows, int threads, const LinearStep& linear)
       : r_(r),
         asked_to_stop_(problem),
         n_(r.modes()),
@@ -49,11 +48,13 @@ class ModalMarch final : public ImmediateMarch {
         decay_[at][l % lanes] = r.decay(k, l);
         output_[at][l % lanes] = r.output(k, l);
       }
-    if (r.face.size() > 1 && !selects_least(problem.lcp_class))
+    if (!linear && r.face.size() > 1 && !selects_least(problem.lcp_class))
       face_ = host::FaceLcp::make(M_, r.face, r.w0, [this](Way way, const double* in, double* out) {
         (way == Way::to_modes ? *to_modes_ : *to_points_).apply(in, out);
       });
-    if (!face_) lcp_.emplace(to_dense(M_) + implicit_part(r), to_dense(M_), problem.lcp_class);
+    if (!face_)
+      step_.emplace(problem, linear, linear ? Matrix() : to_dense(M_),
+                    [&] { return Matrix(to_dense(M_) + implicit_part(r)); });
     for (RowMatrix* m : {&near_, &u_, &far_}) *m = RowMatrix::Zero(block_steps, blocks_ * lanes);
     make_near_lags();
     for (Vector* v : {&free_, &known_, &w0_, &first_}) *v = Vector::Zero(blocks_ * lanes);
@@ -72,7 +73,7 @@ class ModalMarch final : public ImmediateMarch {
     const FlushDenormals flush;
     RowMatrix &Y = host(y_array), &V = host(v_array);
     MarchReport report;
-    report.well_posed = face_ || lcp_->well_posed();
+    report.well_posed = face_ || step_->well_posed();
     V.row(0).setZero();
     if (drive_) transform_of_drive_->apply(*given_drive_, nullptr, *drive_, 0);
     start(Y);
@@ -101,7 +102,7 @@ class ModalMarch final : public ImmediateMarch {
   }
 
   std::size_t bytes() const override {
-    return 3 * decay_.size() * sizeof(Lanes) + (face_ ? face_->bytes() : lcp_->bytes()) +
+    return 3 * decay_.size() * sizeof(Lanes) + (face_ ? face_->bytes() : step_->bytes()) +
            (drive_ ? drive_->bytes() : 0);
   }
 
@@ -118,7 +119,7 @@ class ModalMarch final : public ImmediateMarch {
   }
 
   bool solve_step(Index j, MarchReport& report) {
-    if (!face_) return lcp_->solve(q_, y_, j, report);
+    if (!face_) return step_->solve(q_, y_, j, report);
     Timer timer;
     const LcpOutcome outcome = face_->solve(q_, y_);
     report.lcp_seconds += timer.lap();
@@ -128,7 +129,7 @@ class ModalMarch final : public ImmediateMarch {
   // z_0 from y_0, phi_0 and x0. Lag 1 of y_0 has its own weight.
   void start(const RowMatrix& Y) {
     y_ = Y.row(0).transpose();
-    face_ ? face_->start_from(y_) : lcp_->start_from(y_);
+    face_ ? face_->start_from(y_) : step_->start_from(y_);
     u_.setZero();
     Vector u = Vector::Zero(n_);
     to_modes_->apply(y_.data(), u.data());
@@ -208,7 +209,7 @@ class ModalMarch final : public ImmediateMarch {
 
   // Adds W_0 y to the known part: from the product of the complementarity solver, or in modes.
   void add_implicit(Index i) {
-    const double* product = face_ ? nullptr : lcp_->product();
+    const double* product = face_ ? nullptr : step_->product();
     if (const auto* M = std::get_if<Tridiagonal>(&M_); M && product) {
       multiply(*M, y_.data(), q_.data());
       known_.head(n_) += Eigen::Map<const Vector>(product, n_) - q_;
@@ -228,7 +229,7 @@ class ModalMarch final : public ImmediateMarch {
   std::shared_ptr<VectorTransform> to_modes_, to_points_;  ///< one for sine modes
   const LcpMatrix& M_;
   std::unique_ptr<host::FaceLcp> face_;  ///< of a face; else all in dense matrices
-  std::optional<StepLcp> lcp_;
+  std::optional<MarchStep> step_;
   int threads_;
   std::vector<Lanes> decay_, output_, z_;
   RowMatrix near_;     ///< b x n: W_1 .. W_b
@@ -238,10 +239,11 @@ class ModalMarch final : public ImmediateMarch {
 
 }  // namespace
 
-std::unique_ptr<March> make_march(const MarchProblem& problem, Index rows, int threads) {
+std::unique_ptr<March> make_march(const MarchProblem& problem, Index rows, int threads, const LinearStep& linear) {
+  if (problem.lags) return make_lag_march(problem, rows, threads, linear);
   if (const auto* modal = std::get_if<ModalRecurrence>(problem.recurrence))
-    return std::make_unique<ModalMarch>(problem, *modal, rows, threads);
-  return make_dense_march(problem, std::get<DenseRecurrence>(*problem.recurrence), rows);
+    return std::make_unique<ModalMarch>(problem, *modal, rows, threads, linear);
+  return make_dense_march(problem, std::get<DenseRecurrence>(*problem.recurrence), rows, linear);
 }
 
 }  // namespace bromwich::cpu

@@ -8,7 +8,7 @@
 // as y does, so no growing parts are computed separately and cancelled later. If E^b grows within a block, C E^{i-1} Z
 // and the sum would cancel; therefore b is limited by ||E^i||.
 
-#include "core/host/step_lcp.hpp"
+#include "cpu/march_step.hpp"
 #include "cpu/parts.hpp"
 
 #include <cmath>
@@ -18,7 +18,6 @@ namespace bromwich::cpu {
 
 using host::invalidate;
 using host::Poll;
-using host::StepLcp;
 
 namespace {
 
@@ -57,7 +56,7 @@ struct BlockPower {
 
 class DenseMarch final : public ImmediateMarch {
  public:
-  DenseMarch(const MarchProblem& problem, const DenseRecurrence& r, Index rows)
+  DenseMarch(const MarchProblem& problem, const DenseRecurrence& r, Index rows, const LinearStep& linear)
       : r_(r),
         asked_to_stop_(problem),
         n_(r.output.rows()),
@@ -65,7 +64,7 @@ class DenseMarch final : public ImmediateMarch {
         start_(problem.start),
         forcing_(problem.forcing ? &host(*problem.forcing) : nullptr),
         M_(to_dense(*problem.M)),
-        lcp_(M_ + r.w0, M_, problem.lcp_class),
+        step_(problem, linear, M_, [&] { return Matrix(M_ + r.w0); }),
         z_(r.decay.rows()),
         next_(z_),
         q_(n_),
@@ -88,10 +87,10 @@ class DenseMarch final : public ImmediateMarch {
     const FlushDenormals flush;
     RowMatrix &Y = host(y_array), &V = host(v_array);
     MarchReport report;
-    report.well_posed = lcp_.well_posed();
+    report.well_posed = step_.well_posed();
     V.row(0).setZero();
     y_ = Y.row(0).transpose();
-    lcp_.start_from(y_);
+    step_.start_from(y_);
     z_.noalias() = r_.start * y_;
     if (start_) z_ += *start_;
     for (Index j = 1; j < Y.rows(); ++j) {
@@ -106,7 +105,7 @@ class DenseMarch final : public ImmediateMarch {
       if (i > 0) q_.noalias() += near_.rightCols(i * inputs_) * u_.head(i * inputs_);
       V.row(j) = q_.transpose();
       q_ += response_.row(j).transpose();
-      if (!lcp_.solve(q_, y_, j, report)) {
+      if (!step_.solve(q_, y_, j, report)) {
         invalidate(Y, V, j);
         return report;
       }
@@ -120,7 +119,7 @@ class DenseMarch final : public ImmediateMarch {
 
   std::size_t bytes() const override {
     return sizeof(double) * std::size_t(power_.power.size() + seen_.size() + driven_.size() + near_.size()) +
-           lcp_.bytes();
+           step_.bytes();
   }
 
  private:
@@ -161,7 +160,7 @@ class DenseMarch final : public ImmediateMarch {
   const RowMatrix* forcing_;
   const RowMatrix* sources_ = nullptr;
   Matrix M_;
-  StepLcp lcp_;
+  MarchStep step_;
   BlockPower power_;
   RowMatrix seen_;  ///< b n x m: C E^{i-1}, stacked
   Matrix driven_;   ///< m x b (n + k): E^{b-i} G, side by side
@@ -171,8 +170,9 @@ class DenseMarch final : public ImmediateMarch {
 
 }  // namespace
 
-std::unique_ptr<March> make_dense_march(const MarchProblem& problem, const DenseRecurrence& r, Index rows) {
-  return std::make_unique<DenseMarch>(problem, r, rows);
+std::unique_ptr<March> make_dense_march(const MarchProblem& problem, const DenseRecurrence& r, Index rows,
+                                        const LinearStep& linear) {
+  return std::make_unique<DenseMarch>(problem, r, rows, linear);
 }
 
 }  // namespace bromwich::cpu

@@ -13,7 +13,7 @@
 // O(J log^2 J) operations per entry of W.
 
 #include "core/base/error.hpp"
-#include "core/host/step_lcp.hpp"
+#include "cpu/march_step.hpp"
 #include "cpu/parts.hpp"
 #include "cpu/real_fft.hpp"
 
@@ -26,7 +26,6 @@ namespace bromwich::cpu {
 
 using host::invalidate;
 using host::Poll;
-using host::StepLcp;
 
 namespace {
 
@@ -93,14 +92,14 @@ class Level {
 
 class LagMarch final : public ImmediateMarch {
  public:
-  LagMarch(const MarchProblem& problem, Index rows, int threads)
+  LagMarch(const MarchProblem& problem, Index rows, int threads, const LinearStep& linear)
       : table_(*problem.lags),
         n_(table_.outputs),
         asked_to_stop_(problem),
         response_(host(*problem.r)),
         M_(to_dense(*problem.M)),
         W0_(weight(table_.W, 0)),
-        lcp_(M_ + W0_, M_, problem.lcp_class),
+        step_(problem, linear, M_, [this] { return Matrix(M_ + W0_); }),
         q_(n_),
         y_(n_) {
     const double sigma = growth(table_.W);
@@ -111,9 +110,9 @@ class LagMarch final : public ImmediateMarch {
     const FlushDenormals flush;
     RowMatrix &Y = host(y_array), &V = host(v_array);
     MarchReport report;
-    report.well_posed = lcp_.well_posed();
+    report.well_posed = step_.well_posed();
     y_ = Y.row(0).transpose();
-    lcp_.start_from(y_);
+    step_.start_from(y_);
     V.row(0).setZero();
     for (Index j = 1; j < Y.rows(); ++j) V.row(j).transpose().noalias() = weight(table_.S, j) * y_;
     for (Index j = 1; j < Y.rows(); ++j) {
@@ -126,7 +125,7 @@ class LagMarch final : public ImmediateMarch {
       for (Index l = begin; l < j; ++l)
         V.row(j).transpose().noalias() += weight(table_.W, j - l) * Y.row(l).transpose();
       q_ = (response_.row(j) + V.row(j)).transpose();
-      if (!lcp_.solve(q_, y_, j, report)) {
+      if (!step_.solve(q_, y_, j, report)) {
         invalidate(Y, V, j);
         return report;
       }
@@ -138,7 +137,7 @@ class LagMarch final : public ImmediateMarch {
   }
 
   std::size_t bytes() const override {
-    std::size_t sum = sizeof(double) * std::size_t(M_.size() + W0_.size()) + lcp_.bytes();
+    std::size_t sum = sizeof(double) * std::size_t(M_.size() + W0_.size()) + step_.bytes();
     for (const auto& level : levels_) sum += level->bytes();
     return sum;
   }
@@ -162,15 +161,15 @@ class LagMarch final : public ImmediateMarch {
   Poll asked_to_stop_;
   const RowMatrix& response_;
   Matrix M_, W0_;
-  StepLcp lcp_;
+  MarchStep step_;
   std::vector<std::unique_ptr<Level>> levels_;
   Vector q_, y_;
 };
 
 }  // namespace
 
-std::unique_ptr<March> make_lag_march(const MarchProblem& problem, Index rows, int threads) {
-  return std::make_unique<LagMarch>(problem, rows, threads);
+std::unique_ptr<March> make_lag_march(const MarchProblem& problem, Index rows, int threads, const LinearStep& linear) {
+  return std::make_unique<LagMarch>(problem, rows, threads, linear);
 }
 
 }  // namespace bromwich::cpu

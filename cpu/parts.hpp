@@ -4,6 +4,7 @@
 #include "core/base/denormals.hpp"
 #include "core/base/error.hpp"
 #include "core/seam/backend.hpp"
+#include "core/seam/linear_march.hpp"
 
 #include <chrono>
 #include <memory>
@@ -60,9 +61,10 @@ std::unique_ptr<LcpBatch> make_tridiagonal_lcp(const Tridiagonal&, LcpClass, dou
 std::unique_ptr<LcpBatch> make_dense_lcp(const Matrix&, LcpClass, Index rows, int threads);
 std::unique_ptr<LcpBatch> make_sparse_lcp(const SparseMatrix&, LcpClass, double shift, Index rows, int threads);
 std::unique_ptr<LcpBatch> make_projected_sweeps(const ProjectedSweeps&, Index rows, int threads);
-std::unique_ptr<March> make_march(const MarchProblem&, Index rows, int threads);
-std::unique_ptr<March> make_dense_march(const MarchProblem&, const DenseRecurrence&, Index rows);
-std::unique_ptr<March> make_lag_march(const MarchProblem&, Index rows, int threads);
+/// `linear`: empty for complementarity problems.
+std::unique_ptr<March> make_march(const MarchProblem&, Index rows, int threads, const LinearStep& linear = {});
+std::unique_ptr<March> make_dense_march(const MarchProblem&, const DenseRecurrence&, Index rows, const LinearStep&);
+std::unique_ptr<March> make_lag_march(const MarchProblem&, Index rows, int threads, const LinearStep&);
 void write_product(const RowMatrix& amplitudes, const Matrix& shapes, RowMatrix& to, int threads);
 void inject(const RowMatrix& fine, RowMatrix& coarse, int threads);
 void interpolate(const RowMatrix& coarse, const RowMatrix* old, RowMatrix& fine, int threads);

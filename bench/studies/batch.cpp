@@ -142,12 +142,13 @@ void measure_batch(const BatchCase& c, Backend& backend, const BenchRequest& req
 }
 
 // Derivatives of one scene, of any class that `make` makes, beside a prepared solve of it by the same method.
-// Jacobian-vector products by each of `changes`, and the gradient by all data of the sum of y.
+// Jacobian-vector products by each of `changes`, and the gradient by all data of the sum of y. `together`: calls in one
+// timing.
 template <class Make>
 void measure_derivative(const Scene& scene, const Options& options, const std::string& kind, const Make& make,
                         const std::vector<std::pair<std::string, DataChange>>& changes, Backend& backend,
-                        const BenchRequest& request, BenchReport& report,
-                        std::vector<std::vector<std::string>>& lines) {
+                        const BenchRequest& request, BenchReport& report, std::vector<std::vector<std::string>>& lines,
+                        int together = 20) {
   Solver solver(scene, backend, options);
   Result result = solver.solve();
   auto derivative = make(result);
@@ -158,10 +159,11 @@ void measure_derivative(const Scene& scene, const Options& options, const std::s
   for (const auto& change : changes)
     calls.emplace_back("jvp of " + change.first, [&] { derivative->jvp(change.second); });
   calls.emplace_back("vjp of all data", [&] { derivative->vjp(of); });
+  if constexpr (requires { derivative->vjp(of, false); })
+    if (!scene.dynamics->modes()) calls.emplace_back("vjp without x0", [&] { derivative->vjp(of, false); });
   std::vector<std::vector<double>> times(calls.size());
   for (int round = 0; round < request.repeats(); ++round)
     for (std::size_t i = 0; i < calls.size(); ++i) {
-      constexpr int together = 20;
       const auto start = std::chrono::steady_clock::now();
       for (int k = 0; k < together; ++k) calls[i].second();
       times[i].push_back(1e6 * seconds_since(start) / together);
@@ -185,17 +187,35 @@ struct SignoriniCase {
   Index n, steps;
 };
 
+std::vector<std::pair<std::string, DataChange>> changes_of(const Scene& scene, Index rows) {
+  const Index n = scene.constraints();
+  DataChange x0, f, g, M;
+  x0.x0 = Vector::Ones(scene.states());
+  f.f = RowMatrix::Ones(rows, n);
+  g.g = RowMatrix::Ones(rows, n);
+  M.M = Matrix::Identity(n, n);
+  return {{"x0", x0}, {"f", f}, {"g", g}, {"M", M}};
+}
+
+// The same scene with A, B and N as sparse matrices alone.
+void measure_sparse(const SignoriniCase& c, Backend& backend, const BenchRequest& request, BenchReport& report,
+                    std::vector<std::vector<std::string>>& lines) {
+  Scene scene = choose_scene("signorini", {{"Q", double(c.n)}}).scene;
+  scene.dynamics = to_sparse(get<KroneckerDynamics>(scene.dynamics));
+  scene.name = "signorini, sparse";
+  Options options;
+  options.steps = c.steps;
+  options.method = Method::march;
+  const auto make = [&](const Result& r) { return std::make_unique<SpaceTimeDerivative>(scene, r, backend); };
+  measure_derivative(scene, options, "over all time points", make, changes_of(scene, c.steps + 1), backend, request,
+                     report, lines, 1);
+}
+
 // In modes on the host, and over all time points on this backend by each method.
 void measure_signorini(const SignoriniCase& c, Backend& backend, bool in_modes, const BenchRequest& request,
                        BenchReport& report, std::vector<std::vector<std::string>>& lines) {
   const Scene scene = choose_scene("signorini", {{"Q", double(c.n)}}).scene;
-  const Index rows = c.steps + 1;
-  DataChange x0, f, g, M;
-  x0.x0 = Vector::Ones(scene.states());
-  f.f = RowMatrix::Ones(rows, c.n);
-  g.g = RowMatrix::Ones(rows, c.n);
-  M.M = Matrix::Identity(c.n, c.n);
-  const std::vector<std::pair<std::string, DataChange>> changes{{"x0", x0}, {"f", f}, {"g", g}, {"M", M}};
+  const auto changes = changes_of(scene, c.steps + 1);
   Options options;
   options.steps = c.steps;
   options.method = Method::march;
@@ -229,6 +249,7 @@ void measure_derivatives(Backend& backend, const BenchRequest& request, BenchRep
       {{"x0", by_x0}, {"A", by_A}}, backend, request, report, lines);
   for (const Index n : request.quick ? std::vector<Index>{15} : std::vector<Index>{39, 127})
     measure_signorini({n, request.quick ? 64 : 400}, backend, true, request, report, lines);
+  measure_sparse({request.quick ? 15 : 63, request.quick ? 64 : 400}, backend, request, report, lines);
 }
 
 // Of one device, with a host that has the same threads.

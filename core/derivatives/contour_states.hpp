@@ -5,8 +5,10 @@
 //     x_j = Re Σ_p S(z_p) [d_p E x_{j-1} + B (l_p u_{j-1} + r_p u_j)]      on the contour of one step,
 //
 // where d, l and r are the factors of e^{hA}, L and R. The transposed maps have the same nodes and S(z)^T, so that they
-// are transposed to rounding, not to the error of the contours alone.
+// are transposed to rounding, not to the error of the contours alone. Where A is known, both take the same factors of
+// z_p E - A, made once and kept.
 
+#include "../dynamics/sparse_shifts.hpp"
 #include "../kernel/discrete_problem.hpp"
 #include "../kernel/kernel.hpp"
 #include "state_maps.hpp"
@@ -30,7 +32,9 @@ class ContourStates final : public StateMaps {
   struct Step;
   bool take_windows(const ContourParameters&, double shift);
   ComplexMatrix seen_at(const Vector& right, const ComplexVector& nodes) const;
-  ComplexMatrix solve_transposed(const ComplexVector& nodes, const ComplexMatrix& right, Index first_node) const;
+  ComplexMatrix seen_in(const Vector& right, std::size_t window) const;
+  ComplexMatrix solve_transposed(const ComplexMatrix& right, std::size_t window) const;
+  std::shared_ptr<const SparseShifts::Factors> factors_of(std::size_t window) const;
 
   Dynamics d_;
   std::optional<Dynamics> transposed_;  ///< A^T, E^T, B^T as outputs and N^T as inputs, where they are known
@@ -40,8 +44,9 @@ class ContourStates final : public StateMaps {
   Index J_ = 0;
   double h_ = 0;
   std::vector<LagWindow> windows_;
-  /// Prepared solves of transposed_ at the nodes of all windows, as many as `most_kept_bytes` hold.
-  mutable std::vector<std::unique_ptr<ShiftedSystem<Complex>>> kept_;
+  std::unique_ptr<SparseShifts> shifts_;  ///< where A is known
+  /// Factors at the nodes of the windows, as many as `most_kept_bytes` hold. Null: not made, or not kept.
+  mutable std::vector<std::shared_ptr<const SparseShifts::Factors>> kept_;
 };
 
 }  // namespace bromwich

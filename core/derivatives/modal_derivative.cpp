@@ -130,6 +130,9 @@ SolutionChange ModalDerivative::jvp(const KroneckerChange& c, bool states) const
 
 double ModalDerivative::along(const KroneckerChange& c, const SolutionChange& of, const DataChange& gradient) const {
   const SolutionChange direct = with_y_held(c, of.x.size() > 0);
+  if (gradient.g.size() == 0)
+    refuse_in_modes("not differentiable here: y_i = w_i = 0 at t = 0, and the gradient by w(0) is one-sided",
+                    "use jvp for changes that leave w_i");
   return gradient.g.cwiseProduct(direct.w).sum() + (of.x.size() > 0 ? of.x.cwiseProduct(direct.x).sum() : 0);
 }
 

@@ -44,7 +44,8 @@ struct ModalDerivative::Pass {
         y(Vector::Zero(n)) {}
 
   Index first = 0, count = 0;
-  RowMatrix u, v;  ///< y + phi and v; backward what u gets, and ρ
+  bool from_one_side = false;  ///< see weighs_start
+  RowMatrix u, v;              ///< y + phi and v; backward what u gets, and ρ
   ModalConvolution::State z;
   Vector next;    ///< a or b of the next step
   Vector of_set;  ///< modes of y or mu
@@ -164,6 +165,7 @@ DataChange ModalDerivative::vjp(const SolutionChange& of) const {
   RowMatrix start = start_.gradient(q);
   if (of_x0.size() > 0) start += of_x0;
   bar.x0 = states_.state_of(std::move(start));
+  if (at.from_one_side) leave_out_start(bar, x0_, y_);
   return bar;
 }
 
@@ -188,7 +190,7 @@ void ModalDerivative::step_backward(Pass& at, const SolutionChange& of, const Ro
       later += of.integral.row(j).transpose();
       if (j > 0) eta += h_ / 2 * later;
     }
-    if (j == 0) check_gradient_at_start(undecided_, eta, of_states + eta.norm());
+    if (j == 0) at.from_one_side = weighs_start(undecided_, eta, of_states + eta.norm());
     responses_.solve_transposed(set, eta, at.y);
     face_.of_set(active, at.y, at.of_set.data());
     rho -= at.of_set.transpose();

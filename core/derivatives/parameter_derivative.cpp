@@ -116,9 +116,8 @@ ResultDerivative of_result(const Scene& scene, const Result& result, Backend& ba
                   may_be ? "take the derivative with located switches" : "state a steep slope in place of the jump");
     located = true;
   }
-  return ResultDerivative(
-      scene, result, backend,
-      {.located = located, .times = may_be ? fine_times(rows, neighbours, scene) : Vector(), .along_some = true});
+  return ResultDerivative(scene, result, backend,
+                          {.located = located, .times = may_be ? fine_times(rows, neighbours, scene) : Vector()});
 }
 
 // sum + c value, of tables that may be empty.

@@ -42,7 +42,7 @@ ResultDerivative::ResultDerivative(const Scene& scene, const Result& result, Bac
     return;
   }
   const auto locate = [&] {
-    switched_.emplace(scene, choice.times.size() > 0 ? choice.times : result.t, choice.along_some);
+    switched_.emplace(scene, choice.times.size() > 0 ? choice.times : result.t, true);
     form_ = DerivativeForm::located;
     t_ = switched_->times();
   };

@@ -24,9 +24,8 @@ struct DerivativeChoice {
   /// With located switches, or without. Not given: where y may jump, and where the derivative of the discrete solution
   /// is refused and the scene is small enough.
   std::optional<bool> located = {};
-  Vector times = {};        ///< of the rows where switches are located; empty: the time points of the result
-  bool along_some = false;  ///< as SwitchedDerivative takes it
-  bool all_times = false;   ///< over all time points on the backend, for dense dynamics too
+  Vector times = {};       ///< of the rows where switches are located; empty: the time points of the result
+  bool all_times = false;  ///< over all time points on the backend, for dense dynamics too
 };
 
 class ResultDerivative {

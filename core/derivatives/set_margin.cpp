@@ -69,14 +69,9 @@ void check_change_at_start(const std::vector<Index>& undecided, const Vector& ch
                   "change x0 and g(0) slightly, or leave this w_i as it is");
 }
 
-void check_gradient_at_start(const std::vector<Index>& undecided, const Vector& weight, double terms) {
-  for (const Index i : undecided)
-    if (std::abs(weight[i]) > rounding * terms)
-      throw Error("derivative",
-                  text("not differentiable here: y_%ld = w_%ld = 0 at t = 0, and the gradient with respect to x0 and "
-                       "g(0) is one-sided",
-                       long(i), long(i)),
-                  "change x0 or g(0) slightly, or use jvp for changes that leave w_i");
+bool weighs_start(const std::vector<Index>& undecided, const Vector& weight, double terms) {
+  return std::any_of(undecided.begin(), undecided.end(),
+                     [&](Index i) { return std::abs(weight[i]) > rounding * terms; });
 }
 
 }  // namespace bromwich

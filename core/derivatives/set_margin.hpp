@@ -45,7 +45,8 @@ std::vector<Index> undecided_at_start(const RowMatrix& w, const SetRounding&, co
 /// values that add up to the change of w(0); rounding of them counts as no change.
 void check_change_at_start(const std::vector<Index>& undecided, const Vector& change_of_w, const Vector& terms);
 
-/// Likewise for a gradient, with the weight of y(0) + w(0) in it.
-void check_gradient_at_start(const std::vector<Index>& undecided, const Vector& weight, double terms);
+/// Whether a gradient has y(0) + w(0) of one of these constraints in it, by its weight. What moves w_i there has a
+/// derivative from one side only.
+bool weighs_start(const std::vector<Index>& undecided, const Vector& weight, double terms);
 
 }  // namespace bromwich

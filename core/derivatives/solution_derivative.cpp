@@ -270,6 +270,7 @@ DataChange SolutionDerivative::vjp(const SolutionChange& of) const {
   Vector next = Vector::Zero(m_);   // q_{j+1}
   Vector later = Vector::Zero(n_);  // weights of the integrals over [0, t_k], k > j
   Vector p(m_), eta(n_), mu(n_), of_u(m_), back(m_), of_w = Vector::Zero(n_);
+  bool from_one_side = false;
   const Matrix N = d_.N, Lt = L_.transpose(), Rt = R_.transpose(), Bt = d_.B.transpose();
   for (Index j = J_; j >= 0; --j) {
     if (of.w.size() > 0) of_w = row(of.w, j);
@@ -287,7 +288,7 @@ DataChange SolutionDerivative::vjp(const SolutionChange& of) const {
       later += row(of.integral, j);
       if (j > 0) eta += h_ / 2 * later;
     }
-    if (j == 0) check_gradient_at_start(undecided_, eta, (Bt.cwiseAbs() * back.cwiseAbs()).norm() + eta.norm());
+    if (j == 0) from_one_side = weighs_start(undecided_, eta, (Bt.cwiseAbs() * back.cwiseAbs()).norm() + eta.norm());
     responses_.solve_transposed(sets_[std::size_t(j)], eta, mu);
     next = p;
     next.noalias() -= N.transpose() * mu;  // q_j
@@ -306,7 +307,15 @@ DataChange SolutionDerivative::vjp(const SolutionChange& of) const {
   const Matrix At = d_.A.transpose();
   bar.A = step_direction(At, of_E, h_).decay + step_direction(At, of_L, h_).left + step_direction(At, of_R, h_).right;
   add_mass(bar);
+  if (from_one_side) leave_out_start(bar, x_.row(0).transpose(), y_);
   return bar;
+}
+
+void leave_out_start(DataChange& gradient, const Vector& x0, const RowMatrix& y) {
+  gradient.x0.resize(0);
+  gradient.g.resize(0, 0);
+  if (!x0.isZero(0)) gradient.N.resize(0, 0);
+  if (!y.row(0).isZero(0)) gradient.M.resize(0, 0);
 }
 
 }  // namespace bromwich

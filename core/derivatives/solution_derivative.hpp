@@ -44,6 +44,9 @@ struct MovingJump {
   double t = 0, change = 0;
 };
 
+/// Leaves out of a gradient what moves w(0) = N x0 + M y_0 + g_0: x0, g, N unless x0 is 0, and M unless y_0 is.
+void leave_out_start(DataChange& gradient, const Vector& x0, const RowMatrix& y);
+
 /// y, x and w at the time points, or a linear function of them: (J+1) x n, m, n. Empty: no part in the function.
 struct SolutionChange {
   RowMatrix y, x, w;

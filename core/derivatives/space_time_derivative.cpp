@@ -7,6 +7,7 @@
 #include "core/derivatives/make_state_maps.hpp"
 #include "core/kernel/operators.hpp"
 #include "core/kernel/transposed_operator.hpp"
+#include "core/kernel/transposed_start.hpp"
 
 #include <cmath>
 #include <utility>
@@ -17,6 +18,7 @@ namespace {
 
 constexpr double left_where_y_acts = 1e-7;  ///< of the largest terms of w: what w may leave where y acts
 constexpr double smallest_rcond_at_zero = 1e-14;
+constexpr double most_tabulated = 1 << 28;  ///< (J+1) n^2 of lag weights: 2 GiB
 constexpr double largest_growth = 9;  ///< of log |x|: responses to x0 and y that grow by more cancel too many digits
 
 [[noreturn]] void refuse_here(const std::string& found, const std::string& remedy) {
@@ -42,12 +44,17 @@ const Scene& checked_for_all_times(const Scene& scene, const Result& r) {
   return scene;
 }
 
-// Row k becomes row J + 1 - k; row 0 becomes 0.
-RowMatrix in_reversed_time(const RowMatrix& u) {
+// c u. Row k becomes row J + 1 - k; row 0 becomes 0.
+RowMatrix in_reversed_time(double c, const RowMatrix& u) {
   RowMatrix result(u.rows(), u.cols());
   result.row(0).setZero();
-  result.bottomRows(u.rows() - 1) = u.bottomRows(u.rows() - 1).colwise().reverse();
+  result.bottomRows(u.rows() - 1) = c * u.bottomRows(u.rows() - 1).colwise().reverse();
   return result;
+}
+
+bool steps_in_modes(const Scene& scene, Method method, Backend& backend) {
+  const KroneckerDynamics* d = scene.dynamics->modes();
+  return d && !d->both_faces && method == Method::march && dynamic_cast<LinearMarches*>(&backend);
 }
 
 }  // namespace
@@ -61,12 +68,14 @@ SpaceTimeDerivative::SpaceTimeDerivative(const Scene& scene, const Result& resul
       y_(result.y),
       active_((result.y.array() > 0).cast<double>()),
       transposed_M_(transposed(scene.M)) {
+  if (steps_in_modes(scene, result.method, backend)) {
+    stepped_ = std::make_unique<ModalDerivative>(scene, result);
+    margin_ = stepped_->margin();
+    return;
+  }
   if (const double growth = family_.of(scene_.dynamics)->spectrum().abscissa * scene_.T; growth > largest_growth)
     refuse_here(text("states grow by e^%.3g over [0, T]", growth), "use the derivative on the host, or a shorter T");
-  forward_ = std::make_unique<HeldSets>(scene_, backend, active_, result.method, family_, make_time_operator);
-  if (pole_recurrence_of(*forward_->weights()))
-    refuse_here("the kernel is given by few poles", "differentiate scenes with fewer steps or constraints");
-  backward_kernel_ = std::make_unique<TransposedKernel>(backend, forward_->weights(), J_ + 1);
+  hold_sets(result.method);
   const std::vector<Index> first = positive_in(y_, 0);
   set_at_zero_ = at_zero_.take(first, to_dense(scene_.M));
   if (!(at_zero_.condition(set_at_zero_) > smallest_rcond_at_zero))
@@ -81,6 +90,17 @@ SpaceTimeDerivative::SpaceTimeDerivative(const Scene& scene, const Result& resul
 }
 
 SpaceTimeDerivative::~SpaceTimeDerivative() = default;
+
+// Sparse dynamics by lag weights, also where the solve has few poles: K^T is that of the weights.
+void SpaceTimeDerivative::hold_sets(Method method) {
+  const bool tabulated = !scene_.dynamics->small_state() && !scene_.dynamics->modes();
+  const double values = double(J_ + 1) * double(n_) * double(n_);
+  if (tabulated && values > most_tabulated)
+    refuse_here(text("lag weights of %.3g numbers would be needed", values),
+                "differentiate scenes with fewer steps or constraints");
+  forward_ = std::make_unique<HeldSets>(scene_, backend_, active_, method, family_,
+                                        tabulated ? &make_lag_operator : &make_time_operator);
+}
 
 // w of the solution. It has to vanish where y acts.
 SetRounding SpaceTimeDerivative::follow(const Vector& t) {
@@ -118,6 +138,7 @@ SolutionChange SpaceTimeDerivative::jvp(const DataChange& c, bool states) {
   check_table("f", c.f, J_ + 1, n_);
   check_table("g", c.g, J_ + 1, n_);
   check_table("M", c.M, n_, n_);
+  if (stepped_) return stepped_->jvp(c, states);
   RowMatrix r = c.g.size() > 0 ? c.g : RowMatrix::Zero(J_ + 1, n_);
   if (c.M.size() > 0) r.noalias() += y_ * c.M.transpose();
   Vector terms = r.row(0).cwiseAbs().transpose();
@@ -142,9 +163,15 @@ HeldSets& SpaceTimeDerivative::backward() {
   Scene adjoint = scene_;
   adjoint.M = transposed_M_;
   backward_ = std::make_unique<HeldSets>(
-      adjoint, backend_, in_reversed_time(active_), forward_->method(), family_,
-      [this](const DiscreteProblem& p) { return make_transposed_operator(p, forward_->time_operator()); });
+      adjoint, backend_, in_reversed_time(1, active_), forward_->method(), family_,
+      [this](const DiscreteProblem& p) { return make_transposed_operator(p, forward_->time_operator()); },
+      forward_.get());
   return *backward_;
+}
+
+TransposedKernel& SpaceTimeDerivative::backward_kernel() {
+  if (!backward_kernel_) backward_kernel_ = std::make_unique<TransposedKernel>(backend_, forward_->weights(), J_ + 1);
+  return *backward_kernel_;
 }
 
 DataChange SpaceTimeDerivative::vjp(const SolutionChange& of, bool by_x0) {
@@ -152,27 +179,45 @@ DataChange SpaceTimeDerivative::vjp(const SolutionChange& of, bool by_x0) {
   check_table("w", of.w, J_ + 1, n_);
   check_table("integral", of.integral, J_ + 1, n_);
   check_table("x", of.x, J_ + 1, scene_.states());
-  RowMatrix eta = of.y.size() > 0 ? of.y : RowMatrix::Zero(J_ + 1, n_);
+  if (stepped_) return stepped_->vjp(of);
+  RowMatrix& eta = eta_;
+  if (of.y.size() > 0)
+    eta = of.y;
+  else
+    eta.setZero(J_ + 1, n_);
   DataChange bar;
-  bar.g = of.w.size() > 0 ? of.w : RowMatrix::Zero(J_ + 1, n_);
   if (of.integral.size() > 0) eta += integral_transposed(of.integral, h_);
   if (of.w.size() > 0) add_products(transposed_M_, of.w, eta);
   // What u = y + phi and x0 give to the weighted states.
   const auto [of_u, of_x0] = of.x.size() > 0 ? maps().states_transposed(of.x) : std::pair<RowMatrix, Vector>();
   if (of.x.size() > 0) eta += of_u;
   Vector first = eta.row(0).transpose(), mu(n_);
-  if (of.w.size() > 0) eta += backward_kernel_->apply(of.w);
+  if (of.w.size() > 0) {
+    bar.f = backward_kernel().apply(of.w);
+    eta += bar.f;
+  }
   // mu of rows 1 to J. That of row 0, whose y acts on all of them, follows.
-  bar.g -= in_reversed_time(backward().solve(-in_reversed_time(eta)).y);
-  bar.f = backward_kernel_->apply(bar.g);
+  const HeldSets::Found found = backward().solve(in_reversed_time(-1, eta));
+  bar.g = in_reversed_time(-1, found.y);
+  if (found.driven.size() > 0) {
+    RowMatrix driven = in_reversed_time(-1, found.driven);
+    driven.row(0) = transposed_start(backend_, *forward_->weights(), bar.g).transpose();
+    if (of.w.size() > 0)
+      bar.f += driven;
+    else
+      bar.f = std::move(driven);
+  }
+  if (of.w.size() > 0) bar.g += of.w;
+  if (found.driven.size() == 0) bar.f = backward_kernel().apply(bar.g);
   first += bar.f.row(0).transpose();
-  check_gradient_at_start(undecided_, first, bar.f.row(0).norm() + first.norm());
+  const bool from_one_side = weighs_start(undecided_, first, bar.f.row(0).norm() + first.norm());
   at_zero_.solve_transposed(set_at_zero_, first, mu);
   bar.g.row(0) -= mu.transpose();
   if (of.x.size() > 0) bar.f += of_u;
   if (by_x0) bar.x0 = maps().seen_transposed(bar.g);
   if (by_x0 && of.x.size() > 0) bar.x0 += of_x0;
   bar.M = transposed_product(bar.g, y_, backend_);
+  if (from_one_side) leave_out_start(bar, scene_.x0, y_);
   return bar;
 }
 

@@ -12,6 +12,14 @@ namespace bromwich {
 
 using namespace switched;
 
+namespace {
+
+std::string rest_in_words(Index i, double from) {
+  return text("y_%ld = w_%ld = 0 from t = %.6g on, and has to stay so", long(i), long(i), from);
+}
+
+}  // namespace
+
 // The change of the state after the switch, as rows of that before; dt is one row.
 SwitchedTape::Bounded SwitchedTape::saltation(const Switch& s, const Piece* before, Bounded& dt) const {
   Jet identity = Jet::zero(m_, m_, n_);
@@ -46,28 +54,35 @@ SwitchedTape::Bounded SwitchedTape::saltation(const Switch& s, const Piece* befo
   return D;
 }
 
+// `rows`: what has to stay zero, of the state before the switch. `at_start`: of x0 itself.
+void SwitchedTape::add_condition(const std::string& found, const Bounded& rows, bool at_start) {
+  if (only_along_.empty()) only_along_ = found;
+  const bool by_state = !small_against(rows.value.x, rows.terms.x), by_all = by_state && !at_start;
+  conditioned_.start |= by_all || by_state;
+  conditioned_.rates |=
+      by_all || !small_against(rows.value.f, rows.terms.f) || !small_against(rows.value.df, rows.terms.df);
+  conditioned_.rows |= by_all || !small_against(rows.value.g, rows.terms.g) ||
+                       !small_against(rows.value.dg, rows.terms.dg) || !small_against(rows.value.ddg, rows.terms.ddg);
+}
+
 // Whether the set after the switch stays the one after it: what vanishes there has to vanish with it, for all changes
 // or as a condition on them.
 void SwitchedTape::check(Switch& s, const Piece* before, const Piece& after) {
   const Matrix& derivative = Collocation::get().derivative;
-  const auto condition = [&](const Condition& c, const std::string& found) {
+  const auto condition = [&](const Condition& c, const Bounded& rows) {
     // Impacts one after the other lead to other states than those at once, however short the time between them.
     const bool impacts = s.moves && !s.impulses.empty();
-    if (!along_some_ || impacts) not_differentiable_at_switch(found, other_switch_data);
-    if (only_along_.empty()) only_along_ = found;
+    if (!along_some_ || impacts) not_differentiable_at_switch(c.found, other_switch_data);
+    add_condition(c.found, rows, !before && s.impulses.empty());
     s.conditions.push_back(c);
   };
   const auto rate_of_component = [&](const Piece& p, double at, Index i) {
     return legendre(at).dot(derivative * polynomial(p, i)) / p.length;
   };
-  const auto together = [&](bool first, const Piece& p, double at, Index i) {
-    condition({first, i, rate_of_component(p, at, i)},
-              text("y_%ld = w_%ld = 0 at t = %.6g, where another constraint switches or the data change", long(i),
-                   long(i), s.t));
-  };
   Bounded dt;
   const Bounded D = saltation(s, before, dt);
-  const auto stays = [&](const Piece& p, double at, Index i, const Bounded& state) {
+  const auto check_component = [&](bool first, const Piece& p, double at, Index i, const Bounded& state) {
+    if (!vanishes(p, at, i)) return;
     const double rate = rate_of_component(p, at, i);
     Bounded c = component(*p.mode, i).after(state);
     // A rate that is only rounding has the terms of one that is not.
@@ -75,21 +90,37 @@ void SwitchedTape::check(Switch& s, const Piece* before, const Piece& after) {
       c.value = sum_of_jets(c.value, Matrix{{rate}} * dt.value);
       c.terms = sum_of_jets(c.terms, Matrix{{std::max(std::abs(rate), size_of(p, i) / T_)}} * dt.terms);
     }
-    return c.vanishes();
+    if (c.vanishes()) return;
+    condition({first, i, rate,
+               text("y_%ld = w_%ld = 0 at t = %.6g, where another constraint switches or the data change", long(i),
+                    long(i), s.t)},
+              c);
   };
   if (before) {
     Switch none;
     Bounded no_dt;
     const Bounded state = saltation(none, before, no_dt);
     for (Index i = 0; i < n_; ++i)
-      if (i != s.component && vanishes(*before, before->until, i) && !stays(*before, before->until, i, state))
-        together(true, *before, before->until, i);
+      if (i != s.component) check_component(true, *before, before->until, i, state);
   }
-  for (Index i = 0; i < n_; ++i)
-    if (vanishes(after, 0, i) && !stays(after, 0, i, D)) together(false, after, 0, i);
+  for (Index i = 0; i < n_; ++i) check_component(false, after, 0, i, D);
   const SwitchedMode& mode = after.mode->rows;
-  if (mode.constraints.x.rows() > 0 && !Bounded::of(mode.constraints).after(D).vanishes())
-    condition({false, -1, 0}, text("the state meets several constraints at once at t = %.6g", s.t));
+  if (mode.constraints.x.rows() == 0) return;
+  if (const Bounded rows = Bounded::of(mode.constraints).after(D); !rows.vanishes())
+    condition({false, -1, 0, text("the state meets several constraints at once at t = %.6g", s.t)}, rows);
+}
+
+// Throws where rows of a change are not zero: x and the sources there, what x is made of, and what else is added to
+// the first row, with its terms. `found`: the reason.
+void SwitchedTape::check_zero(const Bounded& rows, JetValues u, const Vector& terms_of_x, double added,
+                              double terms_added, const std::string& found) const {
+  Vector value = evaluate(rows.value, u);
+  for (Vector* v : {&u.f, &u.df, &u.g, &u.dg, &u.ddg}) *v = v->cwiseAbs();
+  u.x = terms_of_x;
+  Vector size = terms(rows.terms, u);
+  if (value.size() > 0) value[0] += added, size[0] += terms_added;
+  if (((value.cwiseAbs() - agreed_at_switch * size).array() > 0).any())
+    not_differentiable_at_switch(found, other_switch_data);
 }
 
 // The conditions of one side of a switch with a change: x of the state there, and what it is made of.
@@ -97,19 +128,24 @@ void SwitchedTape::check_conditions(const Switch& s, bool before, const Piece& p
                                     const Vector& x, const Vector& terms_of_x, double dt) const {
   for (const Condition& c : s.conditions) {
     if (c.before != before) continue;
-    const Bounded rows = c.component < 0 ? Bounded::of(p.mode->rows.constraints) : component(*p.mode, c.component);
+    const bool alone = c.component >= 0;
     JetValues u = values_of(sources, p, at);
     u.x = x;
-    Vector value = evaluate(rows.value, u);
-    for (Vector* v : {&u.f, &u.df, &u.g, &u.dg, &u.ddg}) *v = v->cwiseAbs();
-    u.x = terms_of_x;
-    Vector size = terms(rows.terms, u);
-    if (c.component >= 0) {
-      value[0] += c.rate * dt;
-      size[0] += std::max(std::abs(c.rate), size_of(p, c.component) / T_) * std::abs(dt);
-    }
-    if (((value.cwiseAbs() - agreed_at_switch * size).array() > 0).any())
-      not_differentiable_at_switch(only_along_, other_switch_data);
+    const double rate = alone ? std::max(std::abs(c.rate), size_of(p, c.component) / T_) : 0;
+    check_zero(alone ? component(*p.mode, c.component) : Bounded::of(p.mode->rows.constraints), u, terms_of_x,
+               alone ? c.rate * dt : 0, rate * std::abs(dt), c.found);
+  }
+}
+
+// What rests at this share of a part, with the change z there.
+void SwitchedTape::check_rest(const Part& part, double share, const Sources& sources, const State& z) const {
+  const Piece& p = piece_of(part);
+  for (const Index i : part.rests) {
+    const Bounded rows = component(*p.mode, i);
+    if (rows.vanishes()) continue;
+    JetValues u = values_of(sources, p, part.from + share * part.width);
+    u.x = z.x;
+    check_zero(rows, u, z.x.cwiseAbs(), 0, 0, rest_in_words(i, p.begin));
   }
 }
 

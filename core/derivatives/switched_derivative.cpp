@@ -164,7 +164,8 @@ DataChange SwitchedDerivative::vjp(const SolutionChange& given) const {
   check_table("x", given.x, rows, m);
   check_table("w", given.w, rows, n);
   check_table("integral", given.integral, rows, n);
-  if (!only_along_.empty()) not_defined("not differentiable here: " + only_along_, "ask for jvp along other changes");
+  if (tape_->conditioned().all())
+    not_defined("not differentiable here: " + only_along_, "ask for jvp along other changes");
   for (const Index j : one_sided_)
     for (const RowMatrix* table : {&given.y, &given.x, &given.w})
       if (table->size() > 0 && (table->row(j).array() != 0).any())
@@ -175,8 +176,9 @@ DataChange SwitchedDerivative::vjp(const SolutionChange& given) const {
   scale(bar);
   if (inverse_E_.size() > 0) {
     const Matrix back = inverse_E_.transpose();
-    for (Matrix* gradient : {&bar.A, &bar.B, &bar.E}) *gradient = back * *gradient;
-    bar.f = bar.f * inverse_E_;
+    for (Matrix* gradient : {&bar.A, &bar.B, &bar.E})
+      if (gradient->size() > 0) *gradient = back * *gradient;
+    if (bar.f.size() > 0) bar.f = bar.f * inverse_E_;
   }
   bar.E = -bar.E;
   return bar;

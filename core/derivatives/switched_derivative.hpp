@@ -34,8 +34,8 @@ class SwitchedDerivative {
  public:
   /// `times`: increasing, from 0 to T, those of all tables. Throws Error where the scene is not dense and small, where
   /// the integration with located switches ends early, and where the solution is not differentiable. `along_some`:
-  /// where constraints with y_i = w_i = 0 at a switch, or at t = 0, leave a derivative along changes that keep them so,
-  /// that is one; other changes, and vjp, throw Error.
+  /// where constraints with y_i = w_i = 0 at a switch, at t = 0, or from one switch to the next leave a derivative
+  /// along changes that keep them so, that is one; other changes throw Error.
   SwitchedDerivative(const Scene&, const Vector& times, bool along_some = false);
   ~SwitchedDerivative();
   SwitchedDerivative(SwitchedDerivative&&) noexcept;
@@ -59,7 +59,9 @@ class SwitchedDerivative {
   /// The same where times at which f or g jump change, too. Throws Error for times that are no breakpoints of the
   /// scene.
   SolutionChange jvp(const DataChange&, const std::vector<MovingJump>&) const;
-  /// M is empty where there is no derivative with respect to it. Throws Error for weights on one-sided rows.
+  /// M is empty where there is no derivative with respect to it. Where only some changes have a derivative, all members
+  /// are empty on which its conditions depend: x0; f, A, B and E; or g, N and M. Throws Error where none is left, and
+  /// for weights on one-sided rows.
   DataChange vjp(const SolutionChange&) const;
 
  private:

@@ -275,7 +275,9 @@ SolutionChange SwitchedTape::jvp(const DataChange& c, const std::vector<MovingJu
     }
     project(part, s, z);
     if (part.row >= 0) write(part.row, part, part.from, z, s, out);
+    check_rest(part, 0, s, z);
     advance(part, s, z);
+    check_rest(part, 1, s, z);
     before = &part;
     last = s;
   }
@@ -308,8 +310,21 @@ DataChange SwitchedTape::vjp(const SolutionChange& of) const {
     sources = std::move(before);
   }
   to.x0 = bar.x;
-  if (!without_M_.empty()) to.M.resize(0, 0);
+  leave_out_conditioned(to);
   return to;
+}
+
+void SwitchedTape::leave_out_conditioned(DataChange& gradient) const {
+  if (conditioned_.start) gradient.x0.resize(0);
+  if (conditioned_.rates) {
+    gradient.f.resize(0, 0);
+    for (Matrix* member : {&gradient.A, &gradient.B, &gradient.E}) member->resize(0, 0);
+  }
+  if (conditioned_.rows) {
+    gradient.g.resize(0, 0);
+    gradient.N.resize(0, 0);
+  }
+  if (conditioned_.rows || !without_M_.empty()) gradient.M.resize(0, 0);
 }
 
 }  // namespace bromwich

@@ -15,6 +15,8 @@ constexpr double same_time = 1e-12;         ///< of T
 constexpr double degenerate_margin = 1e-6;  ///< of the size of a component: smaller margins are refused
 constexpr double grazing = 1e-6;            ///< T |c'| of the size of c, likewise
 constexpr double share_of_terms = 1e-2;     ///< the size of a component is at least this share of its terms
+/// And of the largest component of y or w, in natural units: a component that is only rounding has no size of its own.
+constexpr double share_of_largest = 1e-8;
 
 }  // namespace
 
@@ -129,8 +131,8 @@ void SwitchedTape::find_sizes(const EventSolution& s) {
         most = std::max(most, std::abs(legendre(at * p.until).dot(c)));
       most = std::max(most, share_of_terms * (active ? of_y[i] : of_w[i]));
     }
-    p.most_y = most_y;
-    p.most_w = most_w;
+    p.most_y = most_y.cwiseMax(share_of_largest * (n_ > 0 ? most_y.maxCoeff() : 0));
+    p.most_w = most_w.cwiseMax(share_of_largest * (n_ > 0 ? most_w.maxCoeff() : 0));
   }
 }
 
@@ -230,7 +232,7 @@ void SwitchedTape::measure() {
     const Vector e = legendre(at);
     Vector c(n_);
     for (Index i = 0; i < n_; ++i) c[i] = e.dot(polynomial(p, i)) / size_of(p, i);
-    run.push_back({p.begin + at * p.length, part.piece, std::move(c)});
+    run.push_back({p.begin + at * p.length, part.piece, std::size_t(&part - parts_.data()), std::move(c)});
   };
   for (std::size_t k = 0; k < parts_.size(); ++k) {
     constexpr int samples = 8;
@@ -274,21 +276,53 @@ double SwitchedTape::least_beside(const std::vector<Sample>& run, std::size_t k,
   return least;
 }
 
+// Whether component i, which is zero on the piece of these samples, may be so: it stays zero with all changes, or
+// along_some.
+bool SwitchedTape::may_rest(const std::vector<Sample>& run, std::size_t first, std::size_t last, Index i) {
+  const Bounded rows = component(*pieces_[std::size_t(run[first].piece)].mode, i);
+  const bool always = rows.vanishes();
+  if (!always && !along_some_) return false;
+  if (!always) add_condition(text("y_%ld = w_%ld = 0 from t = %.6g on", long(i), long(i), run[first].t), rows, false);
+  for (std::size_t k = first; k < last; ++k)
+    if (std::vector<Index>& known = parts_[run[k].part].rests; !always && (known.empty() || known.back() != i))
+      known.push_back(i);
+  return true;
+}
+
+// The samples of pieces on which component i is zero and may be so, as w_i of two bounds that coincide. Zeros beside
+// such a piece belong to it.
+std::vector<char> SwitchedTape::resting(const std::vector<Sample>& run, Index i) {
+  const auto zero = [&](std::size_t k) { return std::abs(run[k].c[i]) <= vanishing_component; };
+  std::vector<char> found(run.size(), 0);
+  for (std::size_t first = 0, last = 0; first < run.size(); first = last) {
+    bool all = true;
+    for (last = first; last < run.size() && run[last].piece == run[first].piece; ++last) all = all && zero(last);
+    if (!all || !may_rest(run, first, last, i)) continue;
+    std::fill(found.begin() + std::ptrdiff_t(first), found.begin() + std::ptrdiff_t(last), 1);
+    for (std::size_t k = first; k > 0 && zero(k - 1); --k) found[k - 1] = 1;
+    for (std::size_t k = last; k < run.size() && zero(k); ++k) found[k] = 1;
+  }
+  return found;
+}
+
 // Local minima of the components between two switches. What vanishes at a switch was checked there.
 void SwitchedTape::measure_run(const std::vector<Sample>& run, bool to_end) {
   constexpr double looked_at = 0.1;  // smaller samples are beside minima that may be the least
   const std::size_t count = run.size();
-  for (Index i = 0; i < n_; ++i)
+  for (Index i = 0; i < n_; ++i) {
+    const std::vector<char> rests = resting(run, i);
     for (std::size_t k = 0; k < count; ++k) {
       const double now = run[k].c[i], before = k > 0 ? run[k - 1].c[i] : INFINITY;
       const double after = k + 1 < count ? run[k + 1].c[i] : INFINITY;
-      if (now > before || now > after) continue;
+      if (now > before || now > after || rests[k]) continue;
       const double near = near_switch * T_;
       const bool at_end = run[k].t - run.front().t <= near || (!to_end && run.back().t - run[k].t <= near);
       if (at_end && std::abs(now) <= vanishing_component) continue;
-      const double least = std::max(0.0, now < looked_at ? least_beside(run, k, i) : now);
+      const bool by_rest = (k > 0 && rests[k - 1]) || (k + 1 < count && rests[k + 1]);
+      const double least = std::max(0.0, now < looked_at && !by_rest ? least_beside(run, k, i) : now);
       if (least < margin_.margin) margin_.margin = least, margin_.time = run[k].t, margin_.constraint = i;
     }
+  }
 }
 
 void SwitchedTape::judge_M() {

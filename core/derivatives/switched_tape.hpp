@@ -14,6 +14,15 @@
 
 namespace bromwich {
 
+/// Data on which a condition depends: a derivative with respect to them may be one of one side only.
+struct ConditionedData {
+  bool start = false;  ///< x0
+  bool rates = false;  ///< f, A, B and E, which enter x'
+  bool rows = false;   ///< g, N and M, which enter w
+
+  bool all() const { return start && rates && rows; }
+};
+
 class SwitchedTape {
  public:
   /// E of a change is here the matrix D of f~ = ... + D x'. The scene has E = I.
@@ -26,6 +35,8 @@ class SwitchedTape {
   const std::string& without_M() const { return without_M_; }
   /// Empty, or why only some changes have a derivative: what is zero together at a switch has to stay zero with them.
   const std::string& only_along() const { return only_along_; }
+  /// Those that only_along is about; vjp leaves them out.
+  const ConditionedData& conditioned() const { return conditioned_; }
 
   SolutionChange jvp(const DataChange&, const std::vector<MovingJump>& = {}) const;
   DataChange vjp(const SolutionChange&) const;
@@ -57,6 +68,8 @@ class SwitchedTape {
     Index interval;     ///< j: the part lies within t_j and t_{j+1}
     Index row = -1;     ///< the time at the begin; -1: none
     Index change = -1;  ///< the Switch at the begin; -1: none
+    /// Components that are zero on the whole piece, and have to stay so with a change.
+    std::vector<Index> rests = {};
   };
   struct Impulse {
     const Mode* mode;
@@ -68,6 +81,7 @@ class SwitchedTape {
     bool before;
     Index component;
     double rate;
+    std::string found;
   };
   // At a time that depends on the solution, or at one that does not.
   struct Switch {
@@ -88,6 +102,7 @@ class SwitchedTape {
   struct Sample {
     double t;
     Index piece;
+    std::size_t part;
     Vector c;
   };
 
@@ -110,7 +125,13 @@ class SwitchedTape {
   void check_conditions(const Switch&, bool before, const Piece&, double at, const Sources&, const Vector& x,
                         const Vector& terms_of_x, double dt) const;
   void measure();
+  bool may_rest(const std::vector<Sample>&, std::size_t first, std::size_t last, Index i);
+  std::vector<char> resting(const std::vector<Sample>&, Index i);
   void measure_run(const std::vector<Sample>&, bool to_end);
+  void add_condition(const std::string& found, const Bounded& rows, bool at_start);
+  void check_zero(const Bounded& rows, JetValues u, const Vector& terms_of_x, double added, double terms_added,
+                  const std::string& found) const;
+  void check_rest(const Part&, double share, const Sources&, const State&) const;
   double least_beside(const std::vector<Sample>&, std::size_t k, Index i) const;
   void judge_M();
   void check_structure(const DataChange&) const;
@@ -129,6 +150,7 @@ class SwitchedTape {
   /// `moved`: the change of the time of a switch that is at a breakpoint.
   void pass(const Switch&, const Part* before, const Sources& of_before, const Part& after, const Sources& of_after,
             const DataChange&, State&, double moved) const;
+  void leave_out_conditioned(DataChange& gradient) const;
   std::vector<double> moved_parts(const std::vector<MovingJump>&) const;
   void pass_back(const Switch&, const Part* before, Sources& of_before, const Part& after, Sources& of_after,
                  DataChange& to, State& bar) const;
@@ -151,6 +173,7 @@ class SwitchedTape {
   std::vector<Index> one_sided_;
   bool along_some_;
   std::string without_M_, only_along_;
+  ConditionedData conditioned_;
 };
 
 }  // namespace bromwich

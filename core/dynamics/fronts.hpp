@@ -12,6 +12,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
+#include <utility>
 #include <vector>
 
 namespace bromwich::multifrontal {
@@ -119,6 +121,15 @@ struct System {
 /// Elimination of eight nodes by one thread.
 class Fronts {
  public:
+  /// A front after its elimination: l_ip below the diagonal, u_pj on it and, unless the system is symmetric, to its
+  /// right. Positions from 0 to `main` are those of the pivots and of the rest.
+  struct Eliminated {
+    Fronts& of;
+    Index pivots, main;
+
+    const Entry& lower(Index i, Index p) const { return of.at(i, p); }
+    const Entry& upper(Index p, Index j) const { return of.at(p, j); }
+  };
   explicit Fronts(const System& system)
       : s_(system),
         inputs_(s_.B.cols() + 1),
@@ -129,6 +140,9 @@ class Fronts {
         stack_(std::size_t(s_.plan.largest_stack)),
         result_(std::size_t(s_.N.rows() * inputs_)),
         U_(std::size_t(panel * (block + 1))) {}
+
+  /// Called with each front; what it refers to lasts as long as the call.
+  void keep(std::function<void(const Eliminated&)> keep) { keep_ = std::move(keep); }
 
   /// Afterwards result(i, c) is the entry (i, c) of N (zE - A)^{-1} [B, (zE - A) u], a lane for each z.
   void run(const Entry& z) {
@@ -148,6 +162,7 @@ class Fronts {
       assemble(front);
       for (Index c = 0; c < front.children; ++c) take_child();
       eliminate();
+      if (keep_) keep_({*this, pivots_, main_});
       hand_on(front, f);
     }
   }
@@ -279,6 +294,7 @@ class Fronts {
       }
       u[p] = at(first + p, j);
       for (Index q = 0; q < p; ++q) subtract_product(u[p], at(first + p, first + q), u[q]);
+      if (keep_) at(first + p, j) = u[p];
     }
   }
 
@@ -331,6 +347,7 @@ class Fronts {
 #endif
 
   const System& s_;
+  std::function<void(const Eliminated&)> keep_;
   Index inputs_;
   std::vector<int> place_, row_place_, column_place_;
   std::vector<Entry> front_, stack_, result_, U_;

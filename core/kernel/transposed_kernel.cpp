@@ -2,7 +2,7 @@
 
 #include "core/base/error.hpp"
 #include "core/kernel/pole_plans.hpp"
-#include "core/kernel/response.hpp"
+#include "core/kernel/transposed_start.hpp"
 
 #include <string>
 #include <tuple>
@@ -13,18 +13,6 @@ namespace bromwich {
 namespace {
 
 using Block = Eigen::Map<const RowMatrix>;
-
-bool is_modal(const Weights& weights) {
-  const LagTable* table = lag_table_of(weights);
-  return table ? table->modal : modal_recurrence_of(weights) != nullptr;
-}
-
-// Empty without modes.
-FaceBasis face(const Weights& weights) {
-  if (!is_modal(weights)) return {};
-  const ModalRecurrence* modal = modal_recurrence_of(weights);
-  return modal ? modal->basis() : lag_table_of(weights)->basis();
-}
 
 // Outputs and inputs of K.
 std::pair<Index, Index> shape(const Weights& weights) {
@@ -48,34 +36,6 @@ LagTable transposed_table(const LagTable& table) {
     Eigen::Map<RowMatrix>(result.W.row(d).data(), table.inputs, table.outputs) =
         Block(table.W.row(d).data(), table.outputs, table.inputs).transpose();
   return result;
-}
-
-// Σ_{j>=1} S_j^T u_j from the adjoint state Σ_j (E^T)^{j-1} C^T u_j.
-Vector sum_over_start(const DenseRecurrence& r, const RowMatrix& u) {
-  const Matrix decay = r.decay.transpose(), output = r.output.transpose();
-  Vector z = Vector::Zero(decay.rows());
-  for (Index j = u.rows() - 1; j >= 1; --j) z = (decay * z + output * u.row(j).transpose()).eval();
-  return r.start.transpose() * z;
-}
-
-// The same in modes.
-Vector sum_over_start(const ModalRecurrence& r, const RowMatrix& u) {
-  RowMatrix z = RowMatrix::Zero(r.decay.rows(), r.decay.cols());
-  for (Index j = u.rows() - 1; j >= 1; --j) {
-    z.array() *= r.decay.array();
-    z.rowwise() += u.row(j);
-  }
-  Vector sum = (r.output.array() * r.start.array() * z.array()).colwise().sum().transpose();
-  if (u.rows() > 1) sum += r.s1.cwiseProduct(u.row(1).transpose());
-  return sum;
-}
-
-Vector sum_over_start(const LagTable& table, const RowMatrix& u) {
-  if (table.modal) return table.S.middleRows(1, u.rows() - 1).cwiseProduct(u.bottomRows(u.rows() - 1)).colwise().sum();
-  Vector sum = Vector::Zero(table.inputs);
-  for (Index j = 1; j < u.rows(); ++j)
-    sum += Block(table.S.row(j).data(), table.outputs, table.inputs).transpose() * u.row(j).transpose();
-  return sum;
 }
 
 // Row k becomes row J + 1 - k; row 0 becomes 0.
@@ -109,20 +69,12 @@ TransposedKernel::TransposedKernel(Backend& backend, SharedWeights weights, Inde
   const Weights backwards = transposed(*weights_);
   const LagTable* table = lag_table_of(backwards);
   auto convolution = table ? backend.convolution(*table, rows) : backend.convolution(*recurrence_of(backwards), rows);
-  reversed_ = std::make_unique<SpaceTimeKernel>(backend, std::move(convolution), face(*weights_), rows, inputs_);
+  reversed_ = std::make_unique<SpaceTimeKernel>(backend, std::move(convolution), modal_face(*weights_), rows, inputs_);
   u_ = backend.array(rows, outputs_);
   v_ = backend.array(rows, inputs_);
 }
 
-Vector TransposedKernel::first_row(const RowMatrix& u) const {
-  const RowMatrix seen = is_modal(*weights_) ? transformed(backend_, face(*weights_), u, Way::to_modes) : u;
-  const LagTable* table = lag_table_of(*weights_);
-  const Vector sum =
-      table ? sum_over_start(*table, seen)
-            : std::visit([&](const auto& r) { return sum_over_start(r, seen); }, *recurrence_of(*weights_));
-  if (!is_modal(*weights_)) return sum;
-  return transformed(backend_, face(*weights_), sum.transpose(), Way::to_points).transpose();
-}
+Vector TransposedKernel::first_row(const RowMatrix& u) const { return transposed_start(backend_, *weights_, u); }
 
 RowMatrix TransposedKernel::apply(const RowMatrix& u) {
   if (u.rows() != rows_ || u.cols() != outputs_)

@@ -27,13 +27,14 @@ class Tangent(NamedTuple):
 class Gradient(NamedTuple):
     """Derivatives of a number with respect to the data, each of the shape of its data: x0 (m), f (J+1) x m and g (J+1) x
     n at the time points, A, B, N, M and E. M is None where y jumps at a switch or M is singular on an active set (a change
-    of M acts from one side only), E is None where switches are not located. Of scenes with more than 1000 states there
-    are x0 (None for dynamics of callbacks), f (through B: (J+1) x n), g and M. Boundary-value problems have b (m), E0
-    and ET in place of x0."""
+    of M acts from one side only), E is None where switches are not located. Where y_i = w_i = 0 and only some changes
+    have a derivative, the data are None on which that depends: x0; f, A, B and E; or g, N and M. Of scenes with more than
+    1000 states there are x0 (None for dynamics of callbacks), f (through B: (J+1) x n), g and M. Boundary-value problems
+    have b (m), E0 and ET in place of x0."""
 
     x0: np.ndarray | None
-    f: np.ndarray
-    g: np.ndarray
+    f: np.ndarray | None
+    g: np.ndarray | None
     A: np.ndarray | None
     B: np.ndarray | None
     N: np.ndarray | None

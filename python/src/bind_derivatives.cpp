@@ -139,9 +139,9 @@ nb::tuple backward(const AnyDerivative& d, const std::optional<Array2>& y, const
                    const std::optional<Array2>& w, const std::optional<Array2>& integral, bool x0) {
   DataChange g = d.vjp({table(y), table(x), table(w), table(integral)}, x0);
   const auto values = [](Vector& v) { return v.size() > 0 ? handed_over(std::move(v)) : nb::none(); };
-  return nb::make_tuple(values(g.x0), handed_over(std::move(g.f)), handed_over(std::move(g.g)), or_none(g.A),
-                        or_none(g.B), or_none(g.N), or_none(g.M), or_none(g.E), values(g.b), or_none(g.E0),
-                        or_none(g.ET));
+  const auto rows = [](RowMatrix& m) { return m.rows() > 0 ? handed_over(std::move(m)) : nb::none(); };
+  return nb::make_tuple(values(g.x0), rows(g.f), rows(g.g), or_none(g.A), or_none(g.B), or_none(g.N), or_none(g.M),
+                        or_none(g.E), values(g.b), or_none(g.E0), or_none(g.ET));
 }
 
 nb::tuple forward_by_sum(const AnyDerivative& d, double face, double across, double decay, double input, double output,

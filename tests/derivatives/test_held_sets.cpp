@@ -101,12 +101,39 @@ TEST_P(HeldSetsOnBackends, AreSolvedByEveryMethod) {
               Eigen::Map<const RowMatrix>(Vector(whole * stacked(expected) + stacked(r)).data(), J + 1, n);
           EXPECT_LE((found.w - w).cwiseAbs().maxCoeff(), exact * w.cwiseAbs().maxCoeff()) << where;
           EXPECT_EQ(found.w.cwiseProduct(active).cwiseAbs().maxCoeff(), 0) << where;
+          if (found.driven.size() == 0) continue;
+          EXPECT_EQ(method, Method::march);
+          const Vector driven = K * stacked(expected);
+          EXPECT_LE((stacked(found.driven) - driven).cwiseAbs().maxCoeff(), exact * driven.cwiseAbs().maxCoeff())
+              << where;
         }
         EXPECT_EQ(held.solve(RowMatrix::Zero(J + 1, n)).y.cwiseAbs().maxCoeff(), 0);
         RowMatrix bad = r;
         bad(1, 0) = NAN;
         EXPECT_NE(refusal([&] { held.solve(bad); }).find("not finite"), std::string::npos);
       }
+}
+
+// Factors of the forward problem serve its transpose.
+TEST_P(HeldSetsOnBackends, ShareFactorsWithTheTransposedProblem) {
+  const Index J = 40;
+  const Scene line = make_scene("signorini", {{"Q", 20}});  // more constraints than are inverted as a whole
+  for (const Scene& scene : {oscillator(), line}) {
+    const Index n = scene.constraints();
+    const RowMatrix active = drawn_sets(J + 1, n), r = Random(5).matrix(J + 1, n);
+    RowMatrix reversed = RowMatrix::Zero(J + 1, n);
+    reversed.bottomRows(J) = active.bottomRows(J).colwise().reverse();
+    GridFamily family;
+    HeldSets forward(scene, *backend, active, Method::march, family, make_time_operator);
+    Scene adjoint = scene;
+    adjoint.M = transposed(scene.M);
+    const auto make = [&](const DiscreteProblem& p) { return make_transposed_operator(p, forward.time_operator()); };
+    HeldSets own(adjoint, *backend, reversed, Method::march, family, make);
+    HeldSets shared(adjoint, *backend, reversed, Method::march, family, make, &forward);
+    const HeldSets::Found a = own.solve(r), b = shared.solve(r);
+    EXPECT_LE((a.y - b.y).norm(), 1e-12 * a.y.norm());
+    EXPECT_LE((a.w - b.w).norm(), 1e-12 * a.w.norm());
+  }
 }
 
 INSTANTIATE_TEST_SUITE_P(Backends, HeldSetsOnBackends, testing::ValuesIn(backend_cases()), backend_case_name);

@@ -172,6 +172,18 @@ TEST(ModalDerivative, FromRest) {
   const double step = 1e-2 * d.margin().margin;
   const Result up = solved(changed(s, c, step), J), down = solved(changed(s, c, -step), J);
   EXPECT_LE(((up.y - down.y) / (2 * step) - out.y).norm(), 1e-6 * out.y.norm());
+  // The gradient has the data that leave w(0).
+  SolutionChange of;
+  of.y = Random(4).matrix(J + 1, 5);
+  const DataChange bar = d.vjp(of);
+  EXPECT_EQ(bar.x0.size(), 0);
+  EXPECT_EQ(bar.g.size(), 0);
+  c = {};
+  c.f = Random(5).matrix(J + 1, 5);
+  const SolutionChange by_f = d.jvp(c);
+  EXPECT_NEAR(dot(bar.f, c.f), dot(of.y, by_f.y), 1e-12 * of.y.norm() * by_f.y.norm());
+  const KroneckerChange wider{.face = 1};
+  EXPECT_NE(refusal([&] { d.along(wider, of, bar); }).find("one-sided"), std::string::npos);
 }
 
 TEST(ModalDerivative, Refuses) {

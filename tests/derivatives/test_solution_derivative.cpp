@@ -218,6 +218,19 @@ TEST(SolutionDerivative, FromRest) {
   c = {};
   c.x0 = Vector::Ones(scene.states());
   EXPECT_NE(refusal([&] { derivative.jvp(c); }).find("at t = 0"), std::string::npos);
+  // The gradient has the data that leave w(0).
+  Random random(7);
+  SolutionChange of;
+  of.y = random.matrix(J + 1, n), of.x = random.matrix(J + 1, scene.states());
+  const DataChange bar = derivative.vjp(of);
+  EXPECT_EQ(bar.x0.size(), 0);
+  EXPECT_EQ(bar.g.size(), 0);
+  c = {};
+  c.A = random.matrix(scene.states(), scene.states()), c.B = random.matrix(scene.states(), n);
+  c.f = random.matrix(J + 1, scene.states());
+  const SolutionChange out = derivative.jvp(c);
+  EXPECT_NEAR(bar.A.cwiseProduct(c.A).sum() + bar.B.cwiseProduct(c.B).sum() + dot(bar.f, c.f),
+              dot(of.y, out.y) + dot(of.x, out.x), 1e-12 * (of.y.norm() * out.y.norm() + of.x.norm() * out.x.norm()));
 }
 
 // x' = 30 x - 40 y, w = y - x from x0 = 2: y = x and x' = -10 x.

@@ -5,6 +5,8 @@
 
 #include "core/catalogue/catalogue.hpp"
 #include "core/derivatives/modal_derivative.hpp"
+#include "core/kernel/discretise.hpp"
+#include "core/kernel/operators.hpp"
 #include "core/solve/solve.hpp"
 #include "tests/derivatives/drawn_changes.hpp"
 #include "tests/support/backends.hpp"
@@ -138,6 +140,29 @@ TEST(SpaceTimeDerivative, AgreesWithDifferencesOfSolves) {
                         (2 * step);
     EXPECT_LE((out.y - y).cwiseAbs().maxCoeff(), 1e-6 * y.cwiseAbs().maxCoeff() + 1e-13 / step) << member;
   }
+}
+
+// So many steps that solves take few poles for the kernel where they fit. The derivative takes lag weights.
+TEST(SpaceTimeDerivative, OfSparseDynamicsThatAreSolvedByFewPoles) {
+  const Index J = 1024;
+  const auto backend = make_cpu_backend(2);
+  const Scene modes = warmed("signorini", 33, 0.5);
+  Scene sparse = modes;
+  sparse.dynamics = to_sparse(get<KroneckerDynamics>(modes.dynamics));
+  const Result r = solved(sparse, J, Method::march, *backend);
+  EXPECT_TRUE(poles_pay(discretise(sparse, *backend, J)));
+  SpaceTimeDerivative d(sparse, r, *backend);
+  const ModalDerivative exact(modes, solved(modes, J, Method::march, *backend));
+  const DataChange c = drawn(sparse, J, 3);
+  const SolutionChange a = d.jvp(c), b = exact.jvp(c);
+  EXPECT_LE((a.y - b.y).norm(), 1e-8 * b.y.norm());
+  SolutionChange of;
+  of.y = Random(4).matrix(J + 1, 33);
+  const DataChange u = d.vjp(of), v = exact.vjp(of);
+  EXPECT_LE((u.x0 - v.x0).norm(), 1e-8 * v.x0.norm());
+  EXPECT_LE((u.f - v.f).norm(), 1e-8 * v.f.norm());
+  const double backward = u.x0.dot(c.x0) + dot(u.f, c.f) + dot(u.g, c.g) + dot(u.M, c.M);
+  EXPECT_NEAR(dot(of.y, a.y), backward, 1e-12 * of.y.norm() * a.y.norm());
 }
 
 TEST(SpaceTimeDerivative, Refuses) {
