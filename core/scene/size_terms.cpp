@@ -2,6 +2,7 @@
 
 #include <Eigen/Cholesky>
 
+#include <algorithm>
 #include <cmath>
 
 namespace bromwich {
@@ -15,9 +16,7 @@ constexpr double least = 1e-9 * weight_of_small;                  ///< weight of
 constexpr double rounding = 1e-6;                                 ///< of a term of size 1
 constexpr double strong_pair = -0.87;                             ///< decimal logarithm, not that of a simple number
 
-double weight_of(double size) {
-  return size > -rounding ? 1 : size > small_term - rounding ? weight_below : weight_of_small;
-}
+double weight_of(double size) { return size > -rounding ? 1 : size > small_term ? weight_below : weight_of_small; }
 
 // Conjugate gradients with the diagonal as preconditioner. Empty if they take too long.
 Vector solve_by_gradients(const SparseMatrix& L, const Vector& known, Vector u) {
@@ -58,6 +57,22 @@ Vector weighted(const Terms& terms, const Vector& weights, const Vector& start) 
   SparseMatrix L(count, count);
   L.setFromTriplets(entries.begin(), entries.end());
   return count > most_factorized ? solve_by_gradients(L, known, start) : Vector(Matrix(L).ldlt().solve(known));
+}
+
+// Weights and sizes alternately.
+template <typename Terms>
+Vector reweighted(const Terms& terms, Index count) {
+  constexpr int most_rounds = 16;
+  Vector weights = Vector::Ones(Index(terms.size())), u = Vector::Zero(count);
+  for (int round = 0; round < most_rounds; ++round) {
+    u = weighted(terms, weights, u);
+    if (u.size() == 0) return u;
+    const Vector before = weights;
+    for (Index k = 0; k < weights.size(); ++k)
+      weights[k] = weight_of(terms[std::size_t(k)].size + terms[std::size_t(k)].of_sizes(u));
+    if (weights == before) break;
+  }
+  return u;
 }
 
 }  // namespace
@@ -109,11 +124,37 @@ SizeTerms::Groups SizeTerms::joined(Index count) const {
   return g;
 }
 
-// The terms that are left, with the groups as variables.
+// Groups whose members have sizes u far from what balances their pairs, and farther apart than that; all other
+// variables are alone.
+SizeTerms::Groups SizeTerms::unbalanced(const Groups& all, const Vector& u) {
+  constexpr double most_apart = 4;  // decades
+  const auto spread = [&all](const Vector& sizes) -> Vector {
+    Vector least = Vector::Constant(all.count, INFINITY), most = -least;
+    for (Index i = 0; i < sizes.size(); ++i) {
+      const Index g = all.of[std::size_t(i)];
+      least[g] = std::min(least[g], sizes[i]), most[g] = std::max(most[g], sizes[i]);
+    }
+    return most - least;
+  };
+  const Vector apart = spread(u - all.shape), of_u = spread(u), of_shape = spread(all.shape);
+  std::vector<Index> kept(std::size_t(all.count), -1);
+  Groups some{all.of, Vector::Zero(u.size()), 0};
+  for (Index i = 0; i < u.size(); ++i) {
+    const Index g = all.of[std::size_t(i)];
+    const bool joins = apart[g] > most_apart && of_shape[g] < of_u[g];
+    if (joins) some.shape[i] = all.shape[i];
+    Index& of = joins ? kept[std::size_t(g)] : some.of[std::size_t(i)];
+    if (!joins || of < 0) of = some.count++;
+    some.of[std::size_t(i)] = of;
+  }
+  return some;
+}
+
+// The terms between groups, with these as variables.
 std::vector<SizeTerms::Term> SizeTerms::between(const Groups& g) const {
   std::vector<Term> terms;
   for (Term t : terms_) {
-    t.size = t.of_sizes(g.shape) + t.size;
+    t.size += t.of_sizes(g.shape);
     if (t.of >= 0) t.of = g.of[std::size_t(t.of)];
     if (t.in >= 0) t.in = g.of[std::size_t(t.in)];
     if (t.of != t.in) terms.push_back(t);
@@ -122,21 +163,12 @@ std::vector<SizeTerms::Term> SizeTerms::between(const Groups& g) const {
 }
 
 Vector SizeTerms::solve(Index count) const {
-  constexpr int most_rounds = 16;
-  const Groups groups = joined(count);
-  const std::vector<Term> terms = between(groups);
-  Vector weights = Vector::Ones(Index(terms.size())), u = Vector::Zero(groups.count);
-  for (Index k = 0; k < weights.size(); ++k)
-    if (const double mean = terms[std::size_t(k)].mean; !std::isnan(mean)) weights[k] = weight_of(mean);
-  for (int round = 0; round < most_rounds; ++round) {
-    u = weighted(terms, weights, u);
-    if (u.size() == 0) return u;
-    const Vector before = weights;
-    for (Index k = 0; k < weights.size(); ++k)
-      if (const Term& t = terms[std::size_t(k)]; std::isnan(t.mean)) weights[k] = weight_of(t.size + t.of_sizes(u));
-    if (weights == before) break;
-  }
-  return u(groups.of) + groups.shape;
+  const Vector u = reweighted(terms_, count);
+  if (u.size() == 0) return u;
+  const Groups groups = unbalanced(joined(count), u);
+  if (groups.count == count) return u;
+  const Vector of_groups = reweighted(between(groups), groups.count);
+  return of_groups.size() == 0 ? of_groups : Vector(of_groups(groups.of) + groups.shape);
 }
 
 }  // namespace bromwich

@@ -7,10 +7,10 @@
 // variable. Weights and sizes are computed alternately.
 //
 // Where two variables enter each other's equations, other sizes change the two terms of the pair alike, one up and the
-// other down. Both have the weight of their mean, which no sizes change. Variables that are joined by strong pairs have
-// the sizes that balance the pairs, up to a common factor. Otherwise sizes that make one term of each pair 1 and let
-// the other vanish would look best: an inverse mass matrix has such pairs for all states, with entries that decay from
-// state to state, and its states would differ by ten decades and more.
+// other down. Sizes that make one term of each pair 1 and let the other vanish may look best then: an inverse mass
+// matrix has such pairs for all states, with entries that decay from state to state, and its states would differ by ten
+// decades and more. Where sizes of variables that strong pairs join are that far from balancing the pairs, they are
+// made to balance them, up to a common factor.
 
 #include "../base/types.hpp"
 
@@ -45,6 +45,7 @@ class SizeTerms {
   };
 
   Groups joined(Index count) const;
+  static Groups unbalanced(const Groups&, const Vector& u);
   std::vector<Term> between(const Groups&) const;
 
   std::vector<Term> terms_;
