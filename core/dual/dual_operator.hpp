@@ -35,8 +35,9 @@ SparseMatrix entry_of_sources(const Scene&);
 /// A source at both stages of Radau IIA: row j holds the values at t_{j-1} + h/3 and at t_j, those of `at_ends`.
 RowMatrix stage_values(const DiscreteProblem&, const TimeFunction&, const SampledSource& at_ends);
 
-/// Components of the state at the ends of the steps, (J+1) x components, from y at both stages (2J + 1 rows).
-RowMatrix stage_states(const DiscreteProblem&, const RowMatrix& y, const std::vector<Index>& components);
+/// Components of the state at the ends of the steps, (J+1) x components, from y at the stages: 2J + 1 rows of two
+/// stages, J + 1 of one.
+RowMatrix stage_states(const DiscreteProblem&, Index stages, const RowMatrix& y, const std::vector<Index>& components);
 
 /// Implicit Euler for dense dynamics and Kronecker sums.
 class EulerResponse final : public DualResponse {

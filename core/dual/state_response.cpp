@@ -235,9 +235,10 @@ std::unique_ptr<DualResponse> make_dual_response(TimeOperator& op, Index stages)
   return std::make_unique<SteppedResponse>(p, stages);
 }
 
-RowMatrix stage_states(const DiscreteProblem& p, const RowMatrix& y, const std::vector<Index>& components) {
+RowMatrix stage_states(const DiscreteProblem& p, Index stages, const RowMatrix& y,
+                       const std::vector<Index>& components) {
   RowMatrix x(p.J + 1, Index(components.size()));
-  StateSteps steps(p, 2, true);
+  StateSteps steps(p, stages, true);
   Matrix along, across;
   if (p.modes()) {
     along = steps.problem.modal->face.matrix().transpose();

@@ -139,6 +139,9 @@ class DualRun {
     p_.backend.upload(y.topRows(1), *y_);
     judge(start, options, result);
     if (stages_ == 2) record_steps(y, result);
+    // Other operators than those of sparse dynamics have the states of implicit Euler.
+    if (stages_ == 1 && !p_.small_state() && !p_.modes() && !p_.components.empty())
+      result.x = stage_states(p_, 1, y, p_.components);
     result.well_posed = true;  // V_0 is the inverse of a P-matrix
     if (result.status == Status::solved) estimate(result);
   }
@@ -172,7 +175,7 @@ class DualRun {
       components.resize(std::size_t(p_.scene.states()));
       std::iota(components.begin(), components.end(), Index(0));
     }
-    if (!components.empty()) result.x = stage_states(p_, y, components);
+    if (!components.empty()) result.x = stage_states(p_, 2, y, components);
   }
 
   // As Multigrid::discretisation_error does it for its unknown: with y of the next two grids, at most order 2.

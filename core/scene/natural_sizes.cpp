@@ -32,6 +32,11 @@ class Sizes {
   void add(double value, double unit, Index of, Index in) {
     terms_.add(std::log10(std::abs(value)) - std::log10(unit), of, in);
   }
+  // Entries ij and ji of A.
+  void add_of_pair(double value, double back, double unit, Index of, Index in) {
+    const double size = std::log10(std::abs(value)) - std::log10(unit);
+    terms_.add_of_pair(size, 0.5 * (size + std::log10(std::abs(back)) - std::log10(unit)), of, in);
+  }
   Vector solve() const { return terms_.solve(each_ ? m_ + 2 * n_ : 3); }
 
  private:
@@ -178,8 +183,11 @@ void add_f(const SparseDynamics& d, const Scene& scene, const Vector& rate, Size
 void add_matrices(const SparseDynamics& d, const SparseMatrix& M, const Vector& rate, Sizes& sizes) {
   if (sizes.each())
     for_entries(d.A, [&](Index i, Index j, double a) {
-      const bool pair = d.A.coeff(j, i) != 0;
-      if (i != j) sizes.add(a, pair ? std::sqrt(rate[i]) * std::sqrt(rate[j]) : rate[i], sizes.x(j), sizes.x(i));
+      if (i == j) return;
+      if (const double back = d.A.coeff(j, i); back != 0)
+        sizes.add_of_pair(a, back, std::sqrt(rate[i]) * std::sqrt(rate[j]), sizes.x(j), sizes.x(i));
+      else
+        sizes.add(a, rate[i], sizes.x(j), sizes.x(i));
     });
   for_entries(d.B, [&](Index i, Index j, double b) { sizes.add(b, rate[i], sizes.y(j), sizes.x(i)); });
   for_entries(d.N, [&](Index i, Index j, double a) { sizes.add(a, 1, sizes.x(j), sizes.w(i)); });

@@ -170,6 +170,12 @@ Result with_all_states(const Scene& scene, Backend& backend, const Result& resul
   return solve(scene, backend, options);
 }
 
+// The method that takes a step alone as `result` has taken it with all others.
+Method stepping(const Result& result) {
+  if (result.form != "dual") return result.method;
+  return by_euler(result) ? Method::euler : Method::march;
+}
+
 // By the method from the time point before: where y jumps from step to step this is its state, and its y.
 void sample_by_steps(const Scene& given, Backend& backend, const Result& result, const std::vector<Place>& places,
                      Result& sampled) {
@@ -177,8 +183,8 @@ void sample_by_steps(const Scene& given, Backend& backend, const Result& result,
   const Result whole = on_grid(places) ? result : with_all_states(scene, backend, result);
   const double h = scene.T / double(result.steps);
   Options options;
-  options.method = result.method;
-  options.steps = steps_between(scene, result.method);
+  options.method = stepping(result);
+  options.steps = steps_between(scene, options.method);
   options.states = StateSelection::all;
   options.trace = sampled.trace.cols() > 0;
   for (Index k = 0; k < Index(places.size()); ++k) {

@@ -26,6 +26,7 @@ void refuse(const std::string& why, Result& result) {
   result.reason = why + "; use method march or euler";
 }
 
+constexpr double most_surplus = 0.25, told_surplus = 0.04;  ///< of the integral of y, from the start (surplus_of_start)
 constexpr Index largest_divided = 512;  ///< constraints, of steps in stages that are divided at jumps of g
 
 // Why no contact settles in sweeps of the iteration: y_i of one time point acts on w_i of the same more than M_ii, for
@@ -141,6 +142,7 @@ void Methods::run(Method method, const InnerOptions& options, Result& result) {
       march(options, result);
       break;
   }
+  judge_start(method, result);
   record_states(method, result);
   report_sources(result);
 }
@@ -155,11 +157,51 @@ void Methods::march(const InnerOptions& options, Result& result) {
   } else if (divides_in_stages()) {
     step_in_stages(2, options, result);
   } else if (const std::string why = operator_->missing_weights(); why.empty()) {
-    run_prepared(Method::march, options, result, [&] { return prepare_march(*operator_, Rule::exponential, options); });
+    march_by_weights(options, result);
   } else {
     step_in_stages(2, options, result);
     result.kernel += "; " + why;
   }
+}
+
+void Methods::march_by_weights(const InnerOptions& options, Result& result) {
+  const Result unsolved = result;
+  run_prepared(Method::march, options, result, [&] { return prepare_march(*operator_, Rule::exponential, options); });
+  if (surplus_of_start(Method::march, result) <= most_surplus) return;
+  Result in_stages = unsolved;
+  in_stages.seconds = result.seconds;
+  step_in_stages(2, options, in_stages);
+  if (in_stages.status != Status::solved) return;
+  result = std::move(in_stages);
+  result.kernel += "; y falls from its first value within a step";
+}
+
+// Where x0 violates the constraints y_0 answers it, and dynamics that decide y let it vanish within a step. As a line
+// over the first step it then moves the state by a multiple of what y does. This is the part of the integral of y that
+// such a line may add; of few steps the first is no small part in any case. Small states have rules that see it in
+// their matrices.
+double Methods::surplus_of_start(Method method, const Result& result) const {
+  constexpr Index fewest_steps = 16;
+  if (problem_.J < fewest_steps) return 0;
+  if (problem_.small_state() || by_euler(method, result) || !result.continuous || result.y.rows() < 2) return 0;
+  if (result.status != Status::solved || !(problem_.start.array() < 0).any()) return 0;
+  const double fall = (result.y.row(0) - result.y.row(1)).maxCoeff(),
+               whole = integral_of_y(result).cwiseAbs().maxCoeff();
+  return whole > 0 ? 0.5 * problem_.h * fall / whole : 0;
+}
+
+// Other methods than march are not replaced.
+void Methods::judge_start(Method method, Result& result) const {
+  const double surplus = surplus_of_start(method, result);
+  if (surplus <= told_surplus) return;
+  const std::string why = text(
+      "x0 violates the constraints, and y falls from its first value within a step, whose line adds up to %.0f %% of "
+      "the "
+      "integral of y: use more steps",
+      100 * surplus);
+  if (surplus <= most_surplus) return add_warning(result, why);
+  result.status = Status::tolerance_not_met;
+  result.reason = why + " or method march";
 }
 
 // Without a small state, weights of steps hold no parts of steps. The stages of parts do, where n x n matrices are

@@ -42,6 +42,9 @@ class Methods {
 
  private:
   void march(const InnerOptions&, Result&);
+  void march_by_weights(const InnerOptions&, Result&);
+  double surplus_of_start(Method, const Result&) const;
+  void judge_start(Method, Result&) const;
   bool divides_in_stages() const;
   void step_in_stages(Index stages, const InnerOptions&, Result&);
   void iterate(const Options&, Result&);

@@ -1,6 +1,7 @@
 // Cycles in w at the stages of Radau IIA, against marching in stages and the stages written out.
 
 #include "core/result/result.hpp"
+#include "core/solve/dense_output.hpp"
 #include "tests/multigrid/dual_scenes.hpp"
 #include "tests/support/oracle.hpp"
 #include "tests/support/reference.hpp"
@@ -115,9 +116,30 @@ TEST(DualStages, SolveSparseScenes) {
   ASSERT_FALSE(expected.continuous);
   EXPECT_NE(found.kernel.find("stages of Radau IIA"), std::string::npos) << found.kernel;
   EXPECT_LE(distance(found.y.bottomRows(64), expected.y.bottomRows(64)), 1e-8 * std::max(1., expected.y.maxCoeff()));
-  const Result euler = run_by_euler(scene, 64), one_stage = run(scene, Method::euler, 64);
+  Options cycles_of_one = euler_options(64), steps_of_one = options_for(Method::euler, 64);
+  cycles_of_one.states = steps_of_one.states = StateSelection::all;
+  const Result euler = run(scene, cycles_of_one), one_stage = run(scene, steps_of_one);
   ASSERT_EQ(euler.status, Status::solved) << euler.reason;
+  EXPECT_LE(distance(euler.x, one_stage.x), 1e-8 * std::max(1., one_stage.x.cwiseAbs().maxCoeff()));
   EXPECT_LE(distance(euler.y.bottomRows(64), one_stage.y.bottomRows(64)), 1e-8 * std::max(1., expected.y.maxCoeff()));
+}
+
+// A single step of cycles in w does not exist; between rows it is one of the rule that they solve.
+TEST(DualStages, AreStepsOfTheirRuleBetweenRows) {
+  const Scene scene = varying(23, 23, 0);
+  const auto backend = make_cpu_backend(1);
+  for (const bool by_one : {true, false}) {
+    Options cycles = by_one ? euler_options(64) : stage_cycles(64),
+            steps = by_one ? options_for(Method::euler, 64) : stage_march(64);
+    cycles.states = steps.states = StateSelection::all;
+    const Result found = solve(scene, *backend, cycles), expected = solve(scene, *backend, steps);
+    const std::vector<double> times = {0.371 * scene.T, 0.7123 * scene.T};
+    const Result between = at_times(scene, *backend, found, times);
+    const Result known = at_times(scene, *backend, expected, times);
+    EXPECT_GT(known.y.maxCoeff(), 0.1);
+    EXPECT_LE(distance(between.x, known.x), 1e-7 * std::max(1., known.x.cwiseAbs().maxCoeff())) << by_one;
+    EXPECT_LE(distance(between.y, known.y), 1e-7 * std::max(1., known.y.maxCoeff())) << by_one;
+  }
 }
 
 // The defect of the coarse grid, implicit Euler with the same step, is what limits the cycles.

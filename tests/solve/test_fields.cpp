@@ -2,6 +2,8 @@
 // are above those written out as dense, 26 contacts with 1600 steps above those whose weights are tabulated.
 
 #include "core/base/error.hpp"
+#include "core/catalogue/catalogue.hpp"
+#include "core/result/result.hpp"
 #include "core/solve/solve.hpp"
 #include "cpu/cpu_backend.hpp"
 #include "tests/support/dense_twin.hpp"
@@ -109,6 +111,39 @@ TEST(Fields, MultigridTakesCyclesInWWhereSweepsDoNotContract) {
                of_euler = (euler.y - march.y).bottomRows(steps).cwiseAbs().mean();
   EXPECT_LE(apart, 1.1 * of_euler);
   EXPECT_GT((march.y.array() > 0).count(), 100);
+}
+
+// x0 behind the constraints and a small compliance: y_0 answers x0 alone, and vanishes within less than a step. Carried
+// over the first step as a line it moved the state by ten times as much as y does. Implicit Euler, of order one, has
+// small steps in the comparison.
+TEST(Fields, AStartBehindTheConstraintsMovesTheStateByWhatYDoes) {
+  constexpr Index steps = 64, fine = 50 * steps;
+  for (Scene scene : {field(heated_square(), 1e-3), make_scene("contact", {{"Q", 24}, {"eps", 1e-3}})}) {
+    SCOPED_TRACE(scene.name);
+    scene.x0.setConstant(-0.5);
+    const RowMatrix all = integral_of_y(solved_by(scene, Method::euler, fine)),
+                    expected = all(Eigen::seq(0, fine, 50), Eigen::all);
+    for (const Method method : {Method::march, Method::automatic}) {
+      const Result found = solved_by(scene, method, steps);
+      ASSERT_EQ(found.status, Status::solved) << found.reason;
+      const double apart = (integral_of_y(found) - expected).cwiseAbs().maxCoeff();
+      EXPECT_LE(apart, 0.05 * expected.maxCoeff()) << to_string(method);
+    }
+    EXPECT_NE(solved_by(scene, Method::contour, steps).status, Status::solved);
+  }
+}
+
+// A start that stays pressed is no impulse: y follows from the state as it does later.
+TEST(Fields, AStartThatStaysPressedIsMarchedByWeights) {
+  Scene scene = field(heated_square(), 0.5);
+  scene.g = [](double, Eigen::Ref<Vector> g) { g.setConstant(-0.1); };
+  scene.f_entry = SourceEntry::through_B;
+  scene.f = [](double, Eigen::Ref<Vector> f) { f.setConstant(-0.2); };
+  const Result found = solved_by(scene, Method::march, 400);
+  ASSERT_EQ(found.status, Status::solved) << found.reason;
+  EXPECT_GT(found.y.row(0).minCoeff(), 0.1);
+  EXPECT_TRUE(found.continuous);
+  EXPECT_EQ(found.warning, "");
 }
 
 // A compliance above the first lag of the kernel: the refusal is not for these.

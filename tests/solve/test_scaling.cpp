@@ -137,6 +137,34 @@ TEST(Scaling, SizesFollowTheUnits) {
   }
 }
 
+// A bar of finite elements with its consistent mass matrix, divided out: all entries of A are there, and decay from
+// node to node. The sizes of its states are those of a bar whose mass is lumped: its nodes are alike.
+TEST(Scaling, StatesOfAnInvertedMassMatrixAreAlike) {
+  for (const Index m : {30, 100})
+    for (const Index n : {1, 12}) {
+      Matrix K = Matrix::Zero(m, m), E = K;
+      for (Index i = 0; i < m; ++i) {
+        const double of_node = i + 1 < m ? 2 : 1;
+        K(i, i) = of_node * double(m), E(i, i) = of_node / (3 * double(m));
+        if (i > 0) K(i, i - 1) = K(i - 1, i) = -double(m), E(i, i - 1) = E(i - 1, i) = 1 / (6 * double(m));
+      }
+      Matrix N = Matrix::Zero(n, m);
+      for (Index i = 0; i < n; ++i) N(i, m - n + i) = 1;
+      Scene scene;
+      scene.dynamics = DenseDynamics{-K, N.transpose(), N, E};
+      scene.M = Matrix(Matrix::Zero(n, n));
+      scene.g = [](double t, Eigen::Ref<Vector> g) { g.setConstant(0.02 - 0.05 * std::sin(3 * t)); };
+      scene.x0 = Vector::Zero(m);
+      Scene divided = scene;
+      divided.dynamics = DenseDynamics{-E.inverse() * K, E.inverse() * N.transpose(), N};
+      const Vector x = natural_sizes(divided).x;
+      EXPECT_LE(x.maxCoeff(), 10 * x.minCoeff()) << m << ", " << n;
+      const Result found = run(scene, options_for(Method::march, 100));
+      EXPECT_EQ(found.status, Status::solved) << m << ", " << n << ": " << found.reason;
+      EXPECT_GT(found.y.maxCoeff(), 0.01);
+    }
+}
+
 TEST(Scaling, Examples) {
   if (!scene_files_available()) GTEST_SKIP() << "this build has no reader for scene files";
   Index compared = 0;
