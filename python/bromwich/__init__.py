@@ -20,10 +20,8 @@ from ._derivative import (
     BatchDerivative,
     Derivative,
     Gradient,
-    Margin,
     ParameterGradient,
     QuantityGradient,
-    Tangent,
 )
 from ._dynamics import Dynamics, Kronecker
 from ._errors import (
@@ -41,6 +39,7 @@ from ._backends import BackendInfo, backends, cuda_devices
 from ._nonlinear import NonlinearResult, solve_nonlinear
 from ._parameters import ParameterDerivative
 from ._result import Result, Status, Switch
+from ._result_derivative import Margin, Tangent
 from ._saved_result import SavedResult, load
 from ._scene import Scene, scene, scenes
 from ._solve import Solver, solve
