@@ -12,8 +12,9 @@ from typing import Any
 
 import numpy as np
 
+from . import _hdf5
 from ._errors import Error
-from ._io import ARRAYS, HDF5, extension_of, h5py_for
+from ._io import HDF5, extension_of
 from ._result import Result
 
 READ = (*HDF5, ".npz", ".csv", ".vtkhdf")
@@ -44,7 +45,7 @@ def load(path: str | os.PathLike[str]) -> SavedResult:
     elif extension == ".csv":
         arrays, facts = _load_csv(name)
     else:
-        arrays, facts = _load_hdf5(name, extension == ".vtkhdf")
+        arrays, facts = _load_hdf5(name)
     if "t" not in arrays:
         raise Error(f"path: {name!r} holds no result; give a file of Result.save or of bromwich solve --out", "path")
     return SavedResult(arrays, facts)
@@ -181,33 +182,14 @@ class _Answer:
         return _Answer(between, self._facts)
 
 
-def _load_hdf5(name: str, grid: bool) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
-    with h5py_for(name).File(name) as file:
-        facts = {key: value.item() if isinstance(value, np.generic) else value for key, value in file.attrs.items()}
-        if grid:
-            if "VTKHDF/Steps/Values" not in file:
-                return {}, facts
-            data, count = file["VTKHDF/PointData"], int(file["VTKHDF/Steps"].attrs["NSteps"])
-            arrays = {"t": file["VTKHDF/Steps/Values"][:count]}
-            arrays |= {key: _of_constraints(data[key][:count], facts) for key in ("y", "w") if key in data}
-            if "x" in data:
-                arrays["x"] = data["x"][:count].reshape(count, -1)
-                arrays["state"] = np.arange(arrays["x"].shape[1])
-            return arrays, facts
-        arrays = {key: file[key][()] for key in ("t", *ARRAYS, "constraint", "state") if key in file}
-        for key in ("constraint_name", "state_name"):
-            if key in file:
-                arrays[key] = file[key].asstr()[()].astype(str)
-        facts["_units"] = {key: file[key].attrs["units"] for key in ("t", *ARRAYS) if "units" in file.get(key, file).attrs}
-    # If the process ended during a flush, some of them may be longer.
-    rows = min([len(arrays[key]) for key in ("t", *ARRAYS) if key in arrays], default=0)
-    return {key: value[:rows] if key in ("t", *ARRAYS) else value for key, value in arrays.items()}, facts
-
-
-def _of_constraints(points: np.ndarray, facts: dict[str, Any]) -> np.ndarray:
-    """A value for each line of points, and with constraints on two sides one for its other end, after those of the first side."""
-    sides = 2 if facts.get("constraints") == 2 * points.shape[1] else 1
-    return np.concatenate([points[:, :, 0], points[:, :, -1]][:sides], axis=1)
+def _load_hdf5(name: str) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+    try:
+        found = _hdf5.read(name)
+    except _hdf5.Refused as refused:
+        raise Error(f"path: {refused}", "path") from None
+    facts = {**found.pop("facts"), "_units": found.pop("units")}
+    del found["others"]
+    return found, facts
 
 
 def _load_csv(name: str) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
