@@ -29,18 +29,19 @@ def save(result: Rows, path: str | os.PathLike[str]) -> None:
         values = getattr(result, key)
         if values is not None and values.shape[1] > 0:
             arrays[key] = values[:rows]
-    with _complete(name) as written:
+    facts = {**result._attributes(), **result._provenance()}
+    with complete(name) as written:
         if extension == ".csv":
             _save_csv(result, written, arrays)
         elif extension == ".npz":
-            named = {f"attribute_{key}": np.array(value) for key, value in result._attributes().items()}
+            named = {f"attribute_{key}": np.array(value) for key, value in facts.items()}
             np.savez_compressed(written, allow_pickle=False, **arrays, **_scales(result, arrays), **named)
         else:
-            _save_hdf5(result, written, arrays, result._attributes())
+            _save_hdf5(result, written, arrays, facts)
 
 
 @contextlib.contextmanager
-def _complete(name: str) -> Iterator[str]:
+def complete(name: str) -> Iterator[str]:
     """A temporary name, renamed to `name` once all is written. With a full disk the old file stays, or none."""
     folder = os.path.dirname(name) or "."
     if not os.path.isdir(folder):

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import enum
+import json
+import os
 from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple, overload
 
@@ -230,6 +232,43 @@ class Result(Rows):
                 where the states at all time points take more than 4 GB.
         """
         return Result(self._answer.at(self._times(t)), self._scene)
+
+    def report(self, path: str | os.PathLike[str]) -> None:
+        """Writes a page on the result, one HTML file that stands alone: what was solved, what was checked, curves, errors
+        and times (``docs/report.md``).
+
+        Args:
+            path: ends in ``.html``.
+        """
+        from ._io import complete, extension_of
+
+        name, _ = extension_of(path, (".html",))
+        page = self._page()
+        with complete(name) as written, open(written, "w", encoding="utf-8") as file:
+            file.write(page)
+
+    def _page(self) -> str:
+        found = "these rows come from a file; report its result, bromwich.load(path).report(...)"
+        require(isinstance(self._answer, _core.Answer), "report", found)
+        return _core.page(self._answer, *self._stated())
+
+    def _provenance(self) -> dict[str, Any]:
+        """As the command writes it."""
+        if not isinstance(self._answer, _core.Answer):  # of values at other times, of a file
+            return {}
+        summary = json.loads(_core.summary(self._answer, *self._stated()))
+        return {
+            "T": self._scene.T,
+            "parameters": json.dumps(summary["parameters"]),
+            "options": json.dumps({key: value for key, value in summary["requested"].items() if value is not None}),
+            "threads": summary["threads"],
+            "bromwich_commit": _core.commit,
+            "summary": json.dumps(summary),
+        }
+
+    def _stated(self) -> tuple[dict[str, float], dict[str, list[str]], dict[str, list[str]]]:
+        """Parameters, names and units of the scene."""
+        return self._scene.parameters, self._scene.names, self._scene.units
 
     @overload
     def derivative(self, *, located: bool | None = None, all_times: bool = False) -> Derivative: ...

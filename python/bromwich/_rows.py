@@ -112,6 +112,10 @@ class Rows:
 
         save(self, path)
 
+    def _provenance(self) -> dict[str, Any]:
+        """What a file says besides of the scene and of how it was solved."""
+        return {}
+
     def _times(self, t: Any) -> list[float]:
         """The times that ``at`` is given, checked."""
         times = np.atleast_1d(on_host(t, "t")).ravel()

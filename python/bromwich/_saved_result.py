@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from . import _hdf5
+from . import _core, _hdf5
 from ._errors import Error
 from ._io import HDF5, extension_of
 from ._result import Result
@@ -48,7 +48,7 @@ def load(path: str | os.PathLike[str]) -> SavedResult:
         arrays, facts = _load_hdf5(name)
     if "t" not in arrays:
         raise Error(f"path: {name!r} holds no result; give a file of Result.save or of bromwich solve --out", "path")
-    return SavedResult(arrays, facts)
+    return SavedResult(arrays, facts, os.path.abspath(name))
 
 
 class SavedResult(Result):
@@ -57,7 +57,8 @@ class SavedResult(Result):
     Of the scene only the name is known. Switches, the integral of y and values at other times come from the rows.
     """
 
-    def __init__(self, arrays: dict[str, np.ndarray], facts: dict[str, Any]) -> None:
+    def __init__(self, arrays: dict[str, np.ndarray], facts: dict[str, Any], name: str = "") -> None:
+        self._name = name  # of the file
         for values in arrays.values():
             values.flags.writeable = False
         self._units, self._columns = facts.pop("_units", {}), facts.pop("_columns", {})
@@ -92,6 +93,12 @@ class SavedResult(Result):
 
     def _attributes(self) -> dict[str, Any]:
         return dict(self._facts)
+
+    def _page(self) -> str:
+        return _core.page_of_file(self._name)
+
+    def _provenance(self) -> dict[str, Any]:
+        return {}
 
     def _span(self) -> tuple[float, float]:
         if not len(self.t):

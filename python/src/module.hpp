@@ -44,6 +44,7 @@ void bind_nonlinear(nb::module_& m);
 void bind_sources(nb::module_& m);
 void bind_scenes(nb::module_& m);
 void bind_ranks(nb::module_& m);
+void bind_report(nb::module_& m);
 void bind_results(nb::module_& m);
 void bind_solving(nb::module_& m);
 void bind_state(nb::module_& m);

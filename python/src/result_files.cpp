@@ -139,7 +139,8 @@ class PythonResult : public BatchedFile {
   Index flush_rows() const override { return flush_rows_; }
 
   void write(const ResultRows& rows, Index written) override {
-    in_python(target_, [&] { file_.attr("write")(line(rows.t), array(rows.y), array(rows.w), array(rows.x), written); });
+    in_python(target_,
+              [&] { file_.attr("write")(line(rows.t), array(rows.y), array(rows.w), array(rows.x), written); });
   }
 
  private:
@@ -282,7 +283,8 @@ Checkpoint read_checkpoint(const FileTarget& target) {
     const nb::dict facts = nb::cast<nb::dict>(found[0]);
     Checkpoint c;
     c.run = nb::cast<std::string>(facts["run"]), c.scene = nb::cast<std::string>(facts["scene"]);
-    c.row = nb::cast<Index>(facts["row"]), c.steps = nb::cast<Index>(facts["steps"]), c.t = nb::cast<double>(facts["t"]);
+    c.row = nb::cast<Index>(facts["row"]), c.steps = nb::cast<Index>(facts["steps"]),
+    c.t = nb::cast<double>(facts["t"]);
     c.totals = facts_of(nb::cast<nb::dict>(found[1]));
     c.x = column(found[2]), c.y = column(found[3]);
     return c;

@@ -116,7 +116,7 @@ def test_both_write_one_layout(result, written, tmp_path):
     other, facts = layout(written / "r.h5")
     assert mine == other
     assert my_facts <= facts
-    assert facts - my_facts == {"T", "bromwich_commit", "command", "options", "parameters", "run", "summary", "threads"}
+    assert facts - my_facts == {"command", "run"}
     if (written / "r.npz").exists():
         result.save(tmp_path / "r.npz")
         with np.load(tmp_path / "r.npz") as a, np.load(written / "r.npz") as b:
@@ -159,6 +159,36 @@ def test_saved_results_are_results(result, tmp_path):
             missing()
     pytest.importorskip("xarray")
     assert read.to_xarray()["y"].dims == ("t", "constraint")
+
+
+@pytest.mark.parametrize("source", ["solve", "npz", "h5", "csv"])
+def test_report(diode, tmp_path, source):
+    result = bromwich.solve(bromwich.Scene(**diode, g="-sin(w*t)", parameters={"w": 3}, name="gate", names={"x": ["v"], "y": ["i_D"]},
+                                           units={"t": "s", "y": "A"}), tol=1e-5)
+    if source != "solve":
+        if source == "h5":
+            pytest.importorskip("h5py")
+        result.save(tmp_path / f"r.{source}")
+        result = bromwich.load(tmp_path / f"r.{source}")
+    result.report(tmp_path / "r.html")
+    page = (tmp_path / "r.html").read_text(encoding="utf-8")
+    assert page.startswith("<!DOCTYPE html>") and page.count("<svg") >= 2 and "http" not in page.replace("http://www.w3.org", "")
+    if source != "csv":
+        for words in ("gate", "i_D", "[A]", "w = 3", "error", f"{result.steps} "):
+            assert words in page, words
+    with pytest.raises(bromwich.Error, match="path"):
+        result.report(tmp_path / "r.pdf")
+
+
+def test_report_of_values_at_other_times(result, tmp_path):
+    result.at([0.1, 0.7]).report(tmp_path / "at.html")
+    assert "<svg" in (tmp_path / "at.html").read_text(encoding="utf-8")
+    result.save(tmp_path / "r.npz")
+    between = bromwich.load(tmp_path / "r.npz").at([0.1, 0.7])
+    between.save(tmp_path / "between.npz")
+    assert len(bromwich.load(tmp_path / "between.npz").t) == 2
+    with pytest.raises(bromwich.Error, match="come from a file"):
+        between.report(tmp_path / "no.html")
 
 
 @pytest.mark.parametrize("extension", ["npz", "h5", "csv"])
