@@ -62,10 +62,13 @@ class HdfFile:
     Metadata reaches the file by flushes alone: what a killed process leaves is the state of the last flush.
     """
 
-    failed = False  # some file could not be written: HDF5 may end the process when it closes that file
+    # Files that could not be written. They stay open: HDF5 may end the process when it closes them.
+    failed: list[Any] = []
 
     def __init__(self, name: str, continued: bool = False, in_memory: bool = False) -> None:
         self.h5py, self.name, self._lock = library(name), name, None
+        self.file: Any = None
+        self.broken = False
         if in_memory:  # a file that cannot be written, on a full disk, would end the process
             self.file = self.h5py.File(name, "w", driver="core", backing_store=False, block_size=1 << 20)
             return
@@ -85,10 +88,13 @@ class HdfFile:
     @contextlib.contextmanager
     def writing(self) -> Iterator[None]:
         """Names the file where it cannot be written."""
+        if self.broken:
+            raise Refused(f"{self.name!r} could not be written before", "choose another file")
         try:
             yield
         except (OSError, RuntimeError, ValueError) as error:
-            HdfFile.failed = True
+            self.broken = True
+            HdfFile.failed.append(self)
             number = getattr(error, "errno", None)
             full = number in (errno.ENOSPC, errno.EFBIG, errno.EDQUOT)
             remedy = "free some space, raise ulimit -f, or choose another folder" if full else "choose another file"
@@ -107,6 +113,8 @@ class HdfFile:
         return self.file.id.get_file_image()
 
     def close(self) -> None:
+        if self.broken:
+            return
         self.file.close()
         if self._lock is not None:
             os.close(self._lock)

@@ -248,14 +248,10 @@ class Result(Rows):
             file.write(page)
 
     def _page(self) -> str:
-        found = "these rows come from a file; report its result, bromwich.load(path).report(...)"
-        require(isinstance(self._answer, _core.Answer), "report", found)
         return _core.page(self._answer, *self._stated())
 
     def _provenance(self) -> dict[str, Any]:
         """As the command writes it."""
-        if not isinstance(self._answer, _core.Answer):  # of values at other times, of a file
-            return {}
         summary = json.loads(_core.summary(self._answer, *self._stated()))
         return {
             "T": self._scene.T,

@@ -7,6 +7,7 @@ import json
 import math
 import os
 import zipfile
+from collections.abc import Iterable
 from types import SimpleNamespace
 from typing import Any
 
@@ -15,7 +16,7 @@ import numpy as np
 from . import _core, _hdf5
 from ._errors import Error
 from ._io import HDF5, extension_of
-from ._result import Result
+from ._result import Result, require
 
 READ = (*HDF5, ".npz", ".csv", ".vtkhdf")
 
@@ -94,7 +95,17 @@ class SavedResult(Result):
     def _attributes(self) -> dict[str, Any]:
         return dict(self._facts)
 
+    def at(self, t: float | Iterable[float]) -> SavedResult:
+        """The result at other times, interpolated linearly between the rows.
+
+        Raises:
+            Error: for times outside the rows, and for times between them where y may jump.
+        """
+        return SavedResult(self._answer.between(self._times(t)), {**self._facts, "_units": self._units})
+
     def _page(self) -> str:
+        found = "these rows are between those of a file; report its result, bromwich.load(path).report(...)"
+        require(bool(self._name), "report", found)
         return _core.page_of_file(self._name)
 
     def _provenance(self) -> dict[str, Any]:
@@ -174,7 +185,7 @@ class _Answer:
     def switches(self, with_errors: bool) -> list[Any]:
         raise Error("switches: are not in the file; write them with bromwich solve --switches", "switches")
 
-    def at(self, times: list[float]) -> _Answer:
+    def between(self, times: list[float]) -> dict[str, np.ndarray]:
         wanted = np.array(times)
         if not self.continuous and not np.all(np.isin(wanted, self.t)):
             raise Error("t: y may jump between the rows of the file; give times of rows", "t")
@@ -186,7 +197,7 @@ class _Answer:
         for key, value in (("state", self.x_components), ("constraint_name", self.constraint_names)):
             between[key] = np.array(value)
         between["state_name"] = np.array(self.state_names)
-        return _Answer(between, self._facts)
+        return between
 
 
 def _load_hdf5(name: str) -> tuple[dict[str, np.ndarray], dict[str, Any]]:

@@ -20,10 +20,10 @@ namespace bromwich {
 
 namespace {
 
+namespace nb = nanobind;
 using namespace nb::literals;
 using python::as_matrix;
 using python::as_vector;
-namespace nb = nanobind;
 
 nb::module_ files() { return nb::module_::import_("bromwich._hdf5"); }
 

@@ -33,6 +33,7 @@ k = [0.5, 1, 2]
 """
 # Differ between two runs, or between the two programs.
 OF_A_RUN = {"command", "created", "run", "seconds", "summary", "bromwich_commit"}
+OF_ROUNDING = {"kernel_error", "residual"}
 
 
 def run(words, folder, code=0, **options):
@@ -87,7 +88,8 @@ def test_as_the_command_of_the_build(tmp_path, name):
     if name != "s.h5":
         a, b = bromwich.load(tmp_path / name).attributes, bromwich.load(tmp_path / f"built-{name}").attributes
         assert a.keys() == b.keys()
-        assert {key for key in a if a[key] != b[key]} <= OF_A_RUN | {"options", "residual"}
+        assert a["options"] == b["options"] and max(one[key] for one in (a, b) for key in OF_ROUNDING) < 1e-12
+        assert {key for key in a if a[key] != b[key]} <= OF_A_RUN | OF_ROUNDING
 
 
 @pytest.mark.parametrize("name", ["r.h5", "r.vtkhdf", "r.npz"])
@@ -118,7 +120,7 @@ def test_scenes_of_a_sweep(tmp_path):
 @pytest.mark.parametrize("name", ["k.h5", "k.vtkhdf"])
 def test_a_killed_run_is_read_and_continued(tmp_path, name):
     pytest.importorskip("h5py")
-    long = ["solve", "signorini", "--set", "Q=5", "--method", "march", "--steps", "400000"]
+    long = ["solve", "signorini", "--set", "Q=5", "--method", "march", "--steps", "150000"]
     words = [*long, "--checkpoint", "c.h5", "--checkpoint-every", "0.05", "--out", name]
     process = subprocess.Popen([*OWN, *words], cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
     while process.poll() is None and not (tmp_path / "c.h5").exists():
@@ -130,24 +132,24 @@ def test_a_killed_run_is_read_and_continued(tmp_path, name):
         assert process.returncode == 0, output
         pytest.skip("the run ended before it was killed")
     killed = bromwich.load(tmp_path / name)
-    assert killed.status == "running" and 0 < len(killed.t) < 400001 and np.all(np.isfinite(killed.y))
+    assert killed.status == "running" and 0 < len(killed.t) < 150001 and np.all(np.isfinite(killed.y))
     assert "running" in run(["check", name], tmp_path, 3).stdout
     run([*words, "--restart", "c.h5"], tmp_path)
     rest = bromwich.load(tmp_path / name)
-    assert rest.status == "solved" and len(rest.t) == 400001
+    assert rest.status == "solved" and len(rest.t) == 150001
     np.testing.assert_array_equal(rest.y[: len(killed.t) // 2], killed.y[: len(killed.t) // 2])
     # Parts are the run as a whole, to rounding as the scene amplifies it.
-    run([*long, "--out", "whole.h5"], tmp_path)
-    np.testing.assert_allclose(rest.y, bromwich.load(tmp_path / "whole.h5").y, rtol=0, atol=1e-9)
+    whole = bromwich.solve(bromwich.scene("signorini", Q=5), method="march", steps=150000, states=None)
+    np.testing.assert_allclose(rest.y, whole.y, rtol=0, atol=1e-9)
 
 
 def test_refusals(tmp_path):
     pytest.importorskip("h5py")
     (tmp_path / "no.h5").write_text("not this")
-    assert re.search(r"FILE: 'no.h5' could not be read .*; give an HDF5 file", run(["check", "no.h5"], tmp_path, 2).stderr)
+    assert re.search(r"RESULT: 'no.h5' could not be read .*; give an HDF5 file", run(["check", "no.h5"], tmp_path, 2).stderr)
     assert "'none.h5' is no file" in run(["plot", "none.h5"], tmp_path, 2).stderr
     found = run([*MEMBRANE, "--restart", "no.h5", "--checkpoint", "c.h5"], tmp_path, 2).stderr
-    assert found.startswith("bromwich: --restart: 'no.h5' could not be read") or "could not be read" in found
+    assert found.startswith("bromwich: --restart: 'no.h5' could not be read")
     without = "import sys; sys.modules['h5py'] = None; from bromwich.__main__ import main; main()"
     words = [sys.executable, "-c", without, *MEMBRANE, "--out", "r.h5"]
     found = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True)
@@ -158,7 +160,8 @@ def test_refusals(tmp_path):
 def test_a_full_disk_is_one_line(tmp_path):
     """A limit on the size of files stands for the disk."""
     pytest.importorskip("h5py")
-    line = f"ulimit -f 20; trap '' XFSZ; exec {sys.executable} -m bromwich {' '.join(MEMBRANE)} --set Q=31 --out r.h5"
-    found = subprocess.run(["bash", "-c", line], cwd=tmp_path, capture_output=True, text=True)
-    assert found.returncode == 2 and len(found.stderr.splitlines()) == 1, found
-    assert "'r.h5' could not be written" in found.stderr and "ulimit -f" in found.stderr
+    for name in ("r.h5", "r.vtkhdf"):
+        line = f"ulimit -f 20; trap '' XFSZ; exec {sys.executable} -m bromwich solve signorini --set Q=31 --steps 60 --out {name}"
+        found = subprocess.run(["bash", "-c", line], cwd=tmp_path, capture_output=True, text=True)
+        assert found.returncode == 2 and len(found.stderr.splitlines()) == 1, found
+        assert f"'{name}' could not be written" in found.stderr and "ulimit -f" in found.stderr

@@ -187,7 +187,7 @@ def test_report_of_values_at_other_times(result, tmp_path):
     between = bromwich.load(tmp_path / "r.npz").at([0.1, 0.7])
     between.save(tmp_path / "between.npz")
     assert len(bromwich.load(tmp_path / "between.npz").t) == 2
-    with pytest.raises(bromwich.Error, match="come from a file"):
+    with pytest.raises(bromwich.Error, match="between those of a file"):
         between.report(tmp_path / "no.html")
 
 
