@@ -7,6 +7,7 @@ import contextlib
 import errno
 import fcntl
 import os
+import re
 import struct
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from types import SimpleNamespace
@@ -62,8 +63,8 @@ class HdfFile:
     Metadata reaches the file by flushes alone: what a killed process leaves is the state of the last flush.
     """
 
-    # Files that could not be written. They stay open: HDF5 may end the process when it closes them.
-    failed: list[Any] = []
+    # What could not be written, with all objects on the way there: HDF5 may end the process when it closes them.
+    failed: list[Exception] = []
 
     def __init__(self, name: str, continued: bool = False, in_memory: bool = False) -> None:
         self.h5py, self.name, self._lock = library(name), name, None
@@ -94,12 +95,14 @@ class HdfFile:
             yield
         except (OSError, RuntimeError, ValueError) as error:
             self.broken = True
-            HdfFile.failed.append(self)
-            number = getattr(error, "errno", None)
+            found = re.search(r"errno = (\d+)", str(error))
+            number = getattr(error, "errno", None) or (int(found[1]) if found else 0)
             full = number in (errno.ENOSPC, errno.EFBIG, errno.EDQUOT)
             remedy = "free some space, raise ulimit -f, or choose another folder" if full else "choose another file"
             why = os.strerror(number) if number else str(error)
-            raise Refused(f"{self.name!r} could not be written ({why}); rows before stay in it", remedy) from None
+            refused = Refused(f"{self.name!r} could not be written ({why}); rows before stay in it", remedy)
+            HdfFile.failed += [error, refused]
+            raise refused from None
 
     def flush(self) -> None:
         with self.writing():
