@@ -22,7 +22,7 @@ HDF5 = (".h5", ".hdf5", ".nc")
 
 def save(result: Rows, path: str | os.PathLike[str]) -> None:
     """Writes a result; see :meth:`Rows.save`."""
-    name, extension = extension_of(path, (*HDF5, ".npz", ".csv"))
+    name, extension = extension_of(path, (*HDF5, ".vtkhdf", ".npz", ".csv"))
     rows = _valid_rows(result)
     arrays = {"t": result.t[:rows]}
     for key in _hdf5.SECOND:
@@ -37,7 +37,7 @@ def save(result: Rows, path: str | os.PathLike[str]) -> None:
             named = {f"attribute_{key}": np.array(value) for key, value in facts.items()}
             np.savez_compressed(written, allow_pickle=False, **arrays, **_scales(result, arrays), **named)
         else:
-            _save_hdf5(result, written, arrays, facts)
+            _save_hdf5(result, written, arrays, facts, _grid(result, name) if extension == ".vtkhdf" else None)
 
 
 @contextlib.contextmanager
@@ -88,7 +88,19 @@ def _scales(result: Rows, arrays: dict[str, np.ndarray], named: bool = True) -> 
     return scales
 
 
-def _save_hdf5(result: Rows, name: str, arrays: dict[str, np.ndarray], facts: dict[str, Any]) -> None:
+def _grid(result: Rows, name: str) -> tuple[float, ...]:
+    """The points of a scene on a rectangle."""
+    grid = getattr(getattr(result.scene, "_model", None), "grid", None)
+    if grid is None:
+        raise Error(f"path: {name!r} is for fields on a grid of a rectangle, which the scene does not have; use .h5", "path")
+    if len(result.x_components) not in (0, grid[0] * grid[1]):
+        raise Error(f"path: {name!r} holds x of all points or of none; solve with states='all' or 'none'", "path")
+    return grid
+
+
+def _save_hdf5(
+    result: Rows, name: str, arrays: dict[str, np.ndarray], facts: dict[str, Any], grid: tuple[float, ...] | None
+) -> None:
     scales = _scales(result, arrays)
     columns = SimpleNamespace(
         constraints=arrays["y"].shape[1] if "y" in arrays else 0,
@@ -99,7 +111,10 @@ def _save_hdf5(result: Rows, name: str, arrays: dict[str, np.ndarray], facts: di
         units=result.units,
     )
     try:
-        written = _hdf5.ResultRows(_hdf5.HdfFile(name, in_memory=True), columns, len(arrays["t"]), facts)
+        file, rows = _hdf5.HdfFile(name, in_memory=True), len(arrays["t"])
+        written: Any = (
+            _hdf5.FieldRows(file, grid, columns, rows, facts) if grid else _hdf5.ResultRows(file, columns, rows, facts)
+        )
     except _hdf5.Refused as refused:
         raise Error(f"path: {refused}", "path") from None
     written.write(arrays["t"], arrays.get("y"), arrays.get("w"), arrays.get("x"), 0)

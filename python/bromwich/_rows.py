@@ -103,7 +103,8 @@ class Rows:
 
         Args:
             path: ends in ``.h5`` (HDF5, needs h5py; ``xarray.open_dataset(path, engine="h5netcdf")`` opens it), in
-                ``.npz`` (NumPy) or in ``.csv`` (t, y and x). :func:`bromwich.load` reads all of them.
+                ``.npz`` (NumPy), in ``.csv`` (t, y and x), or, for scenes on a rectangle, in ``.vtkhdf`` (ParaView and VTK,
+                needs h5py). :func:`bromwich.load` reads all of them.
 
         Raises:
             Error: for another extension, or without h5py.

@@ -106,6 +106,39 @@ def test_what_is_written_is_the_solution(tmp_path, name):
     assert "<svg" in (tmp_path / "page.html").read_text(encoding="utf-8")
 
 
+@pytest.mark.parametrize("states", ["all", "none"])
+def test_fields_saved_by_python_are_those_of_the_command(tmp_path, states):
+    pytest.importorskip("h5py")
+    run([*MEMBRANE, "--states", states, "--out", "r.vtkhdf"], tmp_path)
+    bromwich.solve(bromwich.scene("signorini", Q=5), steps=60, states=states).save(tmp_path / "mine.vtkhdf")
+    (mine, *_, my_facts), (other, *_, facts) = layout(tmp_path / "mine.vtkhdf"), layout(tmp_path / "r.vtkhdf")
+    assert mine == other and facts.keys() - my_facts.keys() == {"command", "run"}
+    for key, values in arrays_of(tmp_path / "mine.vtkhdf").items():
+        np.testing.assert_allclose(values, arrays_of(tmp_path / "r.vtkhdf")[key], rtol=0, atol=1e-12)
+
+
+def test_fields_of_rectangles_that_are_sparse_and_of_none(tmp_path):
+    pytest.importorskip("h5py")
+    spacing = bromwich.Kronecker.spacing(7, 1.0, "neumann")
+    plate = bromwich.Kronecker((7, spacing, 0.05), (5, 0.1, 0.05), [5.0, 0, 0, 0, 0], [-2.0, 0, 0, 0, 0], ends_along="neumann", advection=0.3)
+    made = bromwich.solve(dynamics=plate, M=1.0 * np.eye(7), g=lambda t: -np.sin(t) * np.ones(7), x0=np.ones(35), T=1, steps=20)
+    made.save(tmp_path / "p.vtkhdf")
+    found = bromwich.load(tmp_path / "p.vtkhdf")
+    for key in ("t", "y", "w", "x"):
+        np.testing.assert_array_equal(getattr(found, key), getattr(made, key))
+    import h5py
+
+    with h5py.File(tmp_path / "p.vtkhdf") as file:  # ends of Neumann are half a spacing beyond the first point
+        np.testing.assert_allclose(file["VTKHDF"].attrs["Origin"], [0.1, spacing / 2, 0])
+    with pytest.raises(bromwich.Error, match="states='all'"):
+        bromwich.solve(bromwich.scene("signorini", Q=5), steps=9, states=[0]).save(tmp_path / "one.vtkhdf")
+    with pytest.raises(bromwich.Error, match="grid of a rectangle"):
+        bromwich.solve(A=-1, B=1, N=1, M=1, x0=0, T=1, steps=9).save(tmp_path / "none.vtkhdf")
+    with pytest.raises(bromwich.Error, match="grid of a rectangle"):
+        found.save(tmp_path / "again.vtkhdf")
+    assert not list(tmp_path.glob("*.part*"))
+
+
 def test_scenes_of_a_sweep(tmp_path):
     h5py = pytest.importorskip("h5py")
     (tmp_path / "sweep.toml").write_text(SWEEP)
