@@ -16,7 +16,7 @@ from ._errors import Error, Interrupted, NotSolved, NotSolvedWarning
 from ._machine import wanted
 from ._progress import reporting
 from ._ranks import DealtAnswer, Ranks, ranks_of
-from ._result import Status
+from ._rows import Status
 from ._scene import Scene
 from ._solve import Check, Progress, _options, known
 from ._sources import source

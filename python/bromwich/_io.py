@@ -120,8 +120,8 @@ def _save_hdf5(
     written.write(arrays["t"], arrays.get("y"), arrays.get("w"), arrays.get("x"), 0)
     image = written.file.image()
     written.close()
-    with open(name, "wb") as file:
-        file.write(image)
+    with open(name, "wb") as whole:
+        whole.write(image)
 
 
 def _shortest(value: float) -> str:

@@ -10,7 +10,6 @@ from ._arrays import on_host
 from ._sources import source
 
 if TYPE_CHECKING:
-    from . import _core
     from ._result import Result
 
 
@@ -40,7 +39,9 @@ class ResultDerivative:
     Derived classes say with respect to what: :class:`Derivative` the data, :class:`ParameterDerivative` parameters.
     """
 
-    def __init__(self, core: _core.Derivative | _core.ParameterDerivative, result: Result) -> None:
+    _core: Any  # the compiled part
+
+    def __init__(self, core: Any, result: Result) -> None:
         self._core, self._result = core, result
 
     @property

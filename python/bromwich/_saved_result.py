@@ -63,7 +63,8 @@ class SavedResult(Result):
         for values in arrays.values():
             values.flags.writeable = False
         self._units, self._columns = facts.pop("_units", {}), facts.pop("_columns", {})
-        super().__init__(_Answer(arrays, facts), SimpleNamespace(name=facts.get("scene", "")))
+        scene: Any = SimpleNamespace(name=facts.get("scene", ""))
+        super().__init__(_Answer(arrays, facts), scene)
         self._facts = facts
 
     @property
@@ -138,8 +139,8 @@ class _Answer:
         self.w = arrays.get("w")
         self.y_left = np.empty((0, 0))
         self.x_components = [int(i) for i in arrays.get("state", [])]
-        self.constraint_names = arrays.get("constraint_name", [])
-        self.state_names = arrays.get("state_name", [])
+        self.constraint_names: Any = arrays.get("constraint_name", [])
+        self.state_names: Any = arrays.get("state_name", [])
         self._facts = facts
         try:
             self._summary = json.loads(facts.get("summary", "{}"))

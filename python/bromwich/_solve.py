@@ -14,7 +14,8 @@ from ._errors import Error, Interrupted, NotSolved, NotSolvedWarning
 from ._machine import wanted
 from ._progress import reporting
 from ._ranks import Ranks, ranks_of
-from ._result import Result, Status
+from ._result import Result
+from ._rows import Status
 from ._scene import Scene
 from ._sources import on_this_host
 from ._words import suggestion
@@ -293,7 +294,7 @@ def _components(states: Any, names: list[str]) -> list[int]:
     for state in wanted:
         found = known.get(state) if isinstance(state, str) else state
         try:
-            components.append(operator.index(found))
+            components.append(operator.index(found))  # type: ignore[arg-type]
         except TypeError:
             remedy = f"give indices from 0, or names: {', '.join(names)}" if names else "give indices from 0"
             raise Error(f"states: found {state!r}{suggestion(str(state), names)}; {remedy}", "states") from None
