@@ -172,7 +172,7 @@ def _lock(name: str) -> int:
     try:
         descriptor = os.open(name, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
     except OSError as error:
-        raise Refused(f"{name!r} cannot be written ({os.strerror(error.errno)})", "choose another file") from None
+        raise Refused(f"{name!r} cannot be written ({error.strerror})", "choose another file") from None
     try:
         fcntl.fcntl(descriptor, fcntl.F_OFD_SETLK, struct.pack("hhqqi", fcntl.F_WRLCK, os.SEEK_SET, 0, 0, 0))
     except OSError as error:
@@ -277,7 +277,7 @@ class FieldRows:
 
     def __init__(self, file: HdfFile, grid: Sequence[float], columns: SimpleNamespace, expected_rows: int, facts: Facts):
         self._measure(file, grid, columns)
-        self.chunk_rows = min(max(expected_rows, 1), self.chunk_rows)
+        self.chunk_rows: int = min(max(expected_rows, 1), self.chunk_rows)
         file.set({**facts, "constraints": columns.constraints})
         with file.writing():
             image = file.file.create_group("VTKHDF")

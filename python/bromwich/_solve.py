@@ -142,7 +142,7 @@ def solve(
     )
     on = wanted(backend, device, threads, shared)
     with reporting(progress if _speaks(shared) else None, options.iteration_tolerance) as report:
-        answer = _core.solve(scene._model, options, on, report, stop, shared and _core.Ranks(shared))
+        answer = _core.solve(scene._model, options, on, report, stop, None if shared is None else _core.Ranks(shared))
     return _checked(answer, scene, check if _speaks(shared) or check is True else False, stop)
 
 
@@ -189,7 +189,7 @@ class Solver:
         self._iteration_tolerance = made.iteration_tolerance
         self._ranks = ranks_of(ranks, None)
         on = wanted(backend, device, threads, self._ranks)
-        self._prepared = _core.Prepared(scene._model, made, on, self._ranks and _core.Ranks(self._ranks))
+        self._prepared = _core.Prepared(scene._model, made, on, None if self._ranks is None else _core.Ranks(self._ranks))
 
     @property
     def scene(self) -> Scene:
