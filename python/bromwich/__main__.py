@@ -6,14 +6,14 @@ import os
 import signal
 import sys
 
-from . import _core, _hdf5
+from . import _core, _hdf5_file
 
 
 def main() -> None:
     sys.stdout.flush()
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # the command handles Ctrl-C itself
     code = _core.command(["bromwich", *sys.argv[1:]])
-    if _hdf5.HdfFile.failed:  # HDF5 would end the process by a signal when it closes such a file
+    if _hdf5_file.HdfFile.failed:  # HDF5 would end the process by a signal when it closes such a file
         sys.stdout.flush()
         sys.stderr.flush()
         os._exit(code)

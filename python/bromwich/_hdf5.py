@@ -1,19 +1,17 @@
 """HDF5 files by h5py, in the layout of the command (``docs/output.md``): for :meth:`Result.save`, and for the command of
-the package, whose compiled part calls the functions at the end (``python/src/result_files.cpp``)."""
+the package, whose compiled part calls the functions of this file (``python/src/result_files.cpp``)."""
 
 from __future__ import annotations
 
-import contextlib
-import errno
-import fcntl
-import os
-import re
-import struct
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+
+# `library`, `read`, `read_checkpoint` and `write_checkpoint` are for the compiled part.
+from ._hdf5_file import Facts, HdfFile, Refused, append, chunk_rows, flush_rows, library
+from ._hdf5_reading import SECOND, read, read_checkpoint, write_checkpoint
 
 MEANINGS = {
     "t": "time",
@@ -21,171 +19,8 @@ MEANINGS = {
     "w": "complementary variable w = N x + M y + g",
     "x": "state",
 }
-SECOND = {"y": "constraint", "w": "constraint", "x": "state"}
-# Of a chunk, of a flush, and of the chunks of narrow results: rows are read one by one as well.
-VALUES_PER_CHUNK, VALUES_PER_FLUSH, MOST_ROWS_PER_CHUNK = 1 << 17, 1 << 19, 1 << 12
 VALUES_PER_SWEEP_CHUNK = 1 << 15
 STRIP = 2  # points across the image of a result without states
-CHECKPOINT = "bromwich-checkpoint/1"
-WRITTEN = "give a file that 'bromwich solve --out' has written"
-
-Facts = Mapping[str, Any]
-
-
-class Refused(Exception):
-    """What was found, and the remedy. The caller knows the argument."""
-
-    def __init__(self, found: str, remedy: str) -> None:
-        super().__init__(f"{found}; {remedy}")
-        self.found, self.remedy = found, remedy
-
-
-def library(name: str) -> Any:
-    try:
-        import h5py
-    except ImportError:
-        raise Refused(f"{name!r} needs h5py, which is not installed", "pip install h5py, or use a file .npz") from None
-    return h5py
-
-
-def chunk_rows(width: int) -> int:
-    return min(max(VALUES_PER_CHUNK // max(width, 1), 1), MOST_ROWS_PER_CHUNK)
-
-
-def flush_rows(width: int) -> int:
-    rows, chunk = max(VALUES_PER_FLUSH // max(width, 1), 1), chunk_rows(width)
-    return max(rows // chunk, 1) * chunk
-
-
-class HdfFile:
-    """A file that this process alone writes and others may read at any time, or an image of one in memory.
-
-    Metadata reaches the file by flushes alone: what a killed process leaves is the state of the last flush.
-    """
-
-    # What could not be written, with all objects on the way there: HDF5 may end the process when it closes them.
-    failed: list[Exception] = []
-
-    def __init__(self, name: str, continued: bool = False, in_memory: bool = False) -> None:
-        self.h5py, self.name, self._lock = library(name), name, None
-        self.file: Any = None
-        self.broken = False
-        if in_memory:  # a file that cannot be written, on a full disk, would end the process
-            self.file = self.h5py.File(name, "w", driver="core", backing_store=False, block_size=1 << 20)
-            return
-        self._lock = _lock(name)
-        access = _access(self.h5py)
-        with self.writing():
-            if continued:
-                self.file = self.h5py.File(self.h5py.h5f.open(os.fsencode(name), self.h5py.h5f.ACC_RDWR, fapl=access))
-                return
-            creation = self.h5py.h5p.create(self.h5py.h5p.FILE_CREATE)
-            # What the last flush refers to is not overwritten.
-            creation.set_file_space_strategy(self.h5py.h5f.FSPACE_STRATEGY_NONE, False, 1)
-            creation.set_link_creation_order(self.h5py.h5p.CRT_ORDER_TRACKED | self.h5py.h5p.CRT_ORDER_INDEXED)
-            made = self.h5py.h5f.create(os.fsencode(name), self.h5py.h5f.ACC_TRUNC, fcpl=creation, fapl=access)
-            self.file = self.h5py.File(made)
-
-    @contextlib.contextmanager
-    def writing(self) -> Iterator[None]:
-        """Names the file where it cannot be written."""
-        if self.broken:
-            raise Refused(f"{self.name!r} could not be written before", "choose another file")
-        try:
-            yield
-        except (OSError, RuntimeError, ValueError) as error:
-            self.broken = True
-            found = re.search(r"errno = (\d+)", str(error))
-            number = getattr(error, "errno", None) or (int(found[1]) if found else 0)
-            full = number in (errno.ENOSPC, errno.EFBIG, errno.EDQUOT)
-            remedy = "free some space, raise ulimit -f, or choose another folder" if full else "choose another file"
-            why = os.strerror(number) if number else str(error)
-            refused = Refused(f"{self.name!r} could not be written ({why}); rows before stay in it", remedy)
-            HdfFile.failed += [error, refused]
-            raise refused from None
-
-    def flush(self) -> None:
-        with self.writing():
-            self.file.flush()
-            end = self.file.id.get_filesize()
-            if self._lock is not None and os.stat(self.name).st_size < end:
-                os.truncate(self.name, end)  # a reader expects the whole length
-
-    def image(self) -> bytes:
-        self.file.flush()
-        return self.file.id.get_file_image()
-
-    def close(self) -> None:
-        if self.broken:
-            return
-        self.file.close()
-        if self._lock is not None:
-            os.close(self._lock)
-            self._lock = None
-
-    def set(self, facts: Facts) -> None:
-        with self.writing():
-            for key, value in facts.items():
-                self.file.attrs[key] = value
-        self.flush()
-
-    def text(self, name: str) -> str:
-        found = self.file.attrs.get(name, "")
-        return found if isinstance(found, str) else ""
-
-    def growing(self, group: Any, name: str, kind: Any, row: Sequence[int], rows: int) -> Any:
-        """A dataset without rows yet. One row may be too large for a chunk."""
-        chunk, size = [rows, *row], int(np.prod([rows, *row]))
-        for i in range(1, len(chunk)):
-            if size > VALUES_PER_CHUNK:
-                others = size // chunk[i]
-                chunk[i] = max(1, VALUES_PER_CHUNK // others)
-                size = others * chunk[i]
-        nothing = {"fillvalue": np.nan} if kind == np.float64 else {}
-        with self.writing():
-            return group.create_dataset(
-                name, shape=(0, *row), maxshape=(None, *row), dtype=kind, chunks=tuple(chunk), compression=1,
-                shuffle=True, **nothing,
-            )
-
-    def texts(self, name: str, values: Iterable[str]) -> Any:
-        return self.file.create_dataset(name, data=np.array(list(values), dtype=object), dtype=self.h5py.string_dtype())
-
-    def scale(self, name: str, values: Any) -> Any:
-        made = self.file.create_dataset(name, data=values)
-        made.make_scale(name)
-        return made
-
-
-def _access(h5py: Any) -> Any:
-    access = h5py.h5p.create(h5py.h5p.FILE_ACCESS)
-    access.set_file_locking(False, True)  # others may read
-    cache = access.get_mdc_config()
-    cache.evictions_enabled = False
-    cache.incr_mode = cache.flash_incr_mode = cache.decr_mode = 0
-    access.set_mdc_config(cache)
-    return access
-
-
-def _lock(name: str) -> int:
-    """The lock that the command takes, until it is closed."""
-    try:
-        descriptor = os.open(name, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
-    except OSError as error:
-        raise Refused(f"{name!r} cannot be written ({error.strerror})", "choose another file") from None
-    try:
-        fcntl.fcntl(descriptor, fcntl.F_OFD_SETLK, struct.pack("hhqqi", fcntl.F_WRLCK, os.SEEK_SET, 0, 0, 0))
-    except OSError as error:
-        if error.errno in (errno.EAGAIN, errno.EACCES):
-            os.close(descriptor)
-            found, remedy = "is being written by another process", "choose another file, or wait until that one has ended"
-            raise Refused(f"{name!r} {found}", remedy) from None
-    return descriptor
-
-
-def _append(dataset: Any, written: int, values: Any) -> None:
-    dataset.resize(written + len(values), axis=0)
-    dataset[written : written + len(values)] = values
 
 
 class ResultRows:
@@ -254,7 +89,7 @@ class ResultRows:
         with self.file.writing():
             for key, values in (("t", t), ("y", y), ("w", w), ("x", x)):
                 if key in self.data:
-                    _append(self.data[key], written, values)
+                    append(self.data[key], written, values)
         self.file.flush()
 
     def set(self, facts: Facts) -> None:
@@ -264,7 +99,7 @@ class ResultRows:
         for name, meaning, values in series:
             made = self._add(name, (), "", meaning)
             with self.file.writing():
-                _append(made, 0, values)
+                append(made, 0, values)
         self.file.flush()
 
     def close(self) -> None:
@@ -286,7 +121,10 @@ class FieldRows:
             data, offsets = image.create_group("PointData"), steps.create_group("PointDataOffsets")
         shape = (self.along, self.across)
         self.fields = {
-            key: (file.growing(data, key, np.float64, shape, self.chunk_rows), file.growing(offsets, key, np.int64, (), chunk_rows(1)))
+            key: (
+                file.growing(data, key, np.float64, shape, self.chunk_rows),
+                file.growing(offsets, key, np.int64, (), chunk_rows(1)),
+            )
             for key in self.keys
         }
         self.times, self.steps = file.growing(steps, "Values", np.float64, (), chunk_rows(1)), steps
@@ -341,9 +179,9 @@ class FieldRows:
         rows = {"y": y, "w": w, "x": x}
         with self.file.writing():
             for key, (values, offsets) in self.fields.items():
-                _append(values, written, self._on_points(key, rows[key]))
-                _append(offsets, written, np.arange(written, written + len(t)))
-            _append(self.times, written, t)
+                append(values, written, self._on_points(key, rows[key]))
+                append(offsets, written, np.arange(written, written + len(t)))
+            append(self.times, written, t)
         self.file.flush()  # the rows are there before they are counted
         self._count(written + len(t))
 
@@ -403,7 +241,9 @@ class SweepRows:
 
     def append(self, parameters: np.ndarray, residual: np.ndarray, y: np.ndarray, w: np.ndarray, x: np.ndarray) -> None:
         given = {name: parameters[:, i] for i, name in enumerate(self.names)} | {"residual": residual}
-        given |= {key: values.reshape(len(residual), self.rows, -1) for key, values in (("y", y), ("w", w), ("x", x)) if key in self.data}
+        for key, values in (("y", y), ("w", w), ("x", x)):
+            if key in self.data:
+                given[key] = values.reshape(len(residual), self.rows, -1)
         for key, values in given.items():
             self.waiting[key].append(values)
             self._write(key, self.data[key].chunks[0])
@@ -414,7 +254,7 @@ class SweepRows:
         values = np.concatenate(self.waiting[key])
         count = len(values) // multiple * multiple
         with self.file.writing():
-            _append(self.data[key], self.written[key], values[:count])
+            append(self.data[key], self.written[key], values[:count])
         self.written[key] += count
         self.waiting[key] = [values[count:]]
 
@@ -466,116 +306,3 @@ def _continued(name: str, made: Callable[[HdfFile], Any]) -> Any:
     except Refused:
         file.close()
         raise
-
-
-def read(name: str) -> dict[str, Any]:
-    """A file of results: ``t``, ``y``, ``w``, ``x`` (those that it has), ``constraint_name``, ``state_name``, ``constraint``
-    and ``state``, ``units``, ``others`` (name, meaning and values of further quantities over time) and ``facts``."""
-    with _reading(name) as file:
-        facts = {key: value.item() if isinstance(value, np.generic) else value for key, value in file.attrs.items()}
-        facts = {key: value for key, value in facts.items() if isinstance(value, (str, int, float))}
-        found = _read_fields(file, facts) if "VTKHDF/Steps" in file else _read_rows(file)
-        if facts.get("status") == "running":
-            found = _without_unwritten(found)
-        return {**found, "facts": facts}
-
-
-@contextlib.contextmanager
-def _reading(name: str) -> Iterator[Any]:
-    if not os.path.isfile(name):
-        raise Refused(f"{name!r} is no file", "give a file that exists")
-    h5py = library(name)
-    try:
-        access = h5py.h5p.create(h5py.h5p.FILE_ACCESS)
-        access.set_file_locking(False, True)  # another process may be writing it
-        with h5py.File(h5py.h5f.open(os.fsencode(name), h5py.h5f.ACC_RDONLY, fapl=access)) as file:
-            yield file
-    except (OSError, RuntimeError, ValueError) as error:
-        raise Refused(f"{name!r} could not be read ({error})", "give an HDF5 file that is whole") from None
-
-
-def _read_rows(file: Any) -> dict[str, Any]:
-    if "t" not in file:
-        raise Refused(f"{file.filename!r} has no dataset t", WRITTEN)
-    found: dict[str, Any] = {}
-    for key in ("t", *SECOND):
-        if key in file:
-            if file[key].ndim not in (1, 2):
-                raise Refused(f"{file.filename!r} has a dataset {key} of {file[key].ndim} dimensions", WRITTEN)
-            found[key] = np.asarray(file[key][()], dtype=np.float64)
-    # A run that was killed may have written a block of one array and not yet of the next.
-    rows = min(len(values) for values in found.values())
-    found = {key: values[:rows] for key, values in found.items()}
-    others = [
-        (key, str(one.attrs.get("long_name", "")), one[()])
-        for key, one in file.items()
-        if key not in found and getattr(one, "shape", None) == (rows,) and one.dtype.kind == "f"
-    ]
-    for key in ("constraint", "state"):
-        if key in file:
-            found[key] = file[key][()]
-        if f"{key}_name" in file:
-            found[f"{key}_name"] = file[f"{key}_name"].asstr()[()].astype(str)
-    units = {key: str(file[key].attrs["units"]) for key in ("t", *SECOND) if key in file and "units" in file[key].attrs}
-    return {**found, "units": units, "others": others}
-
-
-def _read_fields(file: Any, facts: Facts) -> dict[str, Any]:
-    """The rows that were counted when they were complete."""
-    data, count = file["VTKHDF/PointData"], int(file["VTKHDF/Steps"].attrs["NSteps"])
-    found: dict[str, Any] = {"t": file["VTKHDF/Steps/Values"][:count]}
-    for key in ("y", "w", "x"):
-        if key not in data:
-            continue
-        points = data[key]
-        if points.ndim != 3 or len(points) < count:
-            raise Refused(f"{file.filename!r} has another layout of {key}", WRITTEN)
-        if key == "x":
-            found["x"] = points[:count].reshape(count, -1)
-            found["state"] = np.arange(found["x"].shape[1])
-        else:  # the first point of a line, and with constraints on two sides its last one
-            sides = 2 if facts.get("constraints") == 2 * points.shape[1] else 1
-            found[key] = np.concatenate([points[:count, :, 0], points[:count, :, -1]][:sides], axis=1)
-    return {**found, "units": {}, "others": []}
-
-
-def _without_unwritten(found: dict[str, Any]) -> dict[str, Any]:
-    """Without the last rows of a killed run, whose number the file has and not yet the values: NaN."""
-    written = ~np.isnan(found["t"])
-    for key in SECOND:
-        if key in found and found[key].size > 0:
-            written &= ~np.isnan(found[key]).all(axis=1)
-    rows = int(np.max(np.nonzero(written)[0], initial=-1)) + 1
-    others = [(name, meaning, values[:rows]) for name, meaning, values in found["others"]]
-    return {key: value[:rows] if key in ("t", *SECOND) else value for key, value in found.items()} | {"others": others}
-
-
-def write_checkpoint(name: str, facts: Facts, totals: Facts, x: np.ndarray, y: np.ndarray) -> None:
-    """Replaces the file by a complete one, which is on the disk before."""
-    file = HdfFile(name, in_memory=True)
-    file.file.attrs.update({"format": CHECKPOINT, **facts, **{f"total_{key}": value for key, value in totals.items()}})
-    file.file["x"], file.file["y"] = x, y
-    image = file.image()
-    file.close()
-    temporary = f"{name}.tmp"
-    try:
-        with open(temporary, "wb") as written:
-            written.write(image)
-            written.flush()
-            os.fsync(written.fileno())
-        os.replace(temporary, name)
-    except OSError as error:
-        raise Refused(f"{name!r} could not be written ({error.strerror})", "choose another folder") from None
-
-
-def read_checkpoint(name: str) -> tuple[dict[str, Any], dict[str, float], np.ndarray, np.ndarray]:
-    """Facts, totals, x and y, as :func:`write_checkpoint` takes them."""
-    with _reading(name) as file:
-        if file.attrs.get("format") != CHECKPOINT:
-            raise Refused(f"{name!r} is no checkpoint of this version", "give a file that --checkpoint has written")
-        facts = {key: value.item() if isinstance(value, np.generic) else value for key, value in file.attrs.items()}
-        for key in ("run", "scene", "row", "steps", "t", "x", "y"):
-            if key not in (file if key in ("x", "y") else facts):
-                raise Refused(f"{name!r} is damaged at {key}", "start without --restart")
-        totals = {key.removeprefix("total_"): float(value) for key, value in facts.items() if key.startswith("total_")}
-        return facts, totals, file["x"][()], file["y"][()]
