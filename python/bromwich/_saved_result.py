@@ -17,6 +17,7 @@ from . import _core, _hdf5
 from ._errors import Error
 from ._io import HDF5, extension_of
 from ._result import Result, require
+from ._rows import Switch
 
 READ = (*HDF5, ".npz", ".csv", ".vtkhdf")
 
@@ -55,7 +56,7 @@ def load(path: str | os.PathLike[str]) -> SavedResult:
 class SavedResult(Result):
     """A result that was read from a file: ``t``, ``y``, ``w``, ``x`` and what is known of them, as of :class:`Result`.
 
-    Of the scene only the name is known. Switches, the integral of y and values at other times come from the rows.
+    Of the scene only the name is known. Switches and values at other times come from the rows.
     """
 
     def __init__(self, arrays: dict[str, np.ndarray], facts: dict[str, Any], name: str = "") -> None:
@@ -104,6 +105,16 @@ class SavedResult(Result):
         """
         return SavedResult(self._answer.between(self._times(t)), {**self._facts, "_units": self._units})
 
+    @property
+    def switches(self) -> list[Switch]:
+        """When constraints become active and inactive, interpolated between the rows. Where y may jump, and where the
+        distances of rows differ, only the rows before and after are known: the middle, and half the distance as error. A
+        file without a summary, such as CSV, does not tell free rows, whose changes of sign are here too."""
+        h = np.diff(self.t)
+        lines = self.continuous and bool(np.all(np.abs(h - h.mean()) <= 1e-6 * h.mean())) if h.size else True
+        free = sorted(self._answer.summary.get("free_rows", []))
+        return [Switch(*s) for s in _core.switches_of_rows(*map(_doubles, (self.t, self.y)), lines, free)]
+
     def _page(self) -> str:
         found = "these rows are between those of a file; report its result, bromwich.load(path).report(...)"
         require(bool(self._name), "report", found)
@@ -143,12 +154,12 @@ class _Answer:
         self.state_names: Any = arrays.get("state_name", [])
         self._facts = facts
         try:
-            self._summary = json.loads(facts.get("summary", "{}"))
+            self.summary = json.loads(facts.get("summary", "{}"))
         except ValueError:
-            self._summary = {}
-        self.seconds = self._summary.get("seconds") or {"total": facts.get("seconds", math.nan)}
-        self.errors = self._summary.get("errors")
-        self.goal = self._summary.get("goal")
+            self.summary = {}
+        self.seconds = self.summary.get("seconds") or {"total": facts.get("seconds", math.nan)}
+        self.errors = self.summary.get("errors")
+        self.goal = self.summary.get("goal")
 
     # Facts and their values where a file does not have them.
     ABSENT = {
@@ -175,7 +186,7 @@ class _Answer:
         if name == "steps":
             return int(self._facts.get("steps", max(len(self.t) - 1, 0)))
         if name in ("cycles", "bytes"):
-            return self._summary.get(name, 0)
+            return self.summary.get(name, 0)
         if name == "history":
             return []
         raise AttributeError(name)
@@ -184,7 +195,7 @@ class _Answer:
         raise Error("y_integral: is not in the file; solve again, or integrate y", "y_integral")
 
     def switches(self, with_errors: bool) -> list[Any]:
-        raise Error("switches: are not in the file; write them with bromwich solve --switches", "switches")
+        raise Error("switches_with_errors: needs the scene, which is not in the file; use switches", "switches")
 
     def between(self, times: list[float]) -> dict[str, np.ndarray]:
         wanted = np.array(times)
@@ -199,6 +210,10 @@ class _Answer:
             between[key] = np.array(value)
         between["state_name"] = np.array(self.state_names)
         return between
+
+
+def _doubles(values: np.ndarray) -> np.ndarray:
+    return np.ascontiguousarray(values, dtype=np.float64)
 
 
 def _load_hdf5(name: str) -> tuple[dict[str, np.ndarray], dict[str, Any]]:

@@ -24,7 +24,8 @@ using Texts = std::map<std::string, std::vector<std::string>>;
 /// The scene as the command has it, with the names and units that Python knows.
 app::SceneChoice choice_of(const Answer& answer, const std::map<std::string, double>& parameters, Texts names,
                            Texts units) {
-  app::SceneChoice choice{.scene = answer.model->scene};
+  app::SceneChoice choice;
+  choice.scene = answer.model->scene;
   choice.parameters = parameters;
   choice.scene.names = {names["x"], names["y"], names["w"]};
   choice.scene.units = {units["x"], units["y"], units["w"]};
