@@ -169,6 +169,14 @@ CLI::App* add_command(CLI::App& app, PlotArguments& a) {
   return command;
 }
 
+/// How a command that is not about solving solves its scene.
+template <class Arguments>
+void add_solve(CLI::App* command, Arguments& a) {
+  add_word(command, "--method", a.method, "NAME", join(method_names()) + "; default: auto");
+  add_word(command, "--steps", a.steps, "J", "time steps; default: the scene's own");
+  add_word(command, "--threads", a.threads, "N", "threads; default: all cores");
+}
+
 CLI::App* add_command(CLI::App& app, DerivativeArguments& a) {
   CLI::App* command = app.add_subcommand("derivative", "how a solution changes with parameters of its scene");
   command->add_option("SCENE", a.words, "a scene that 'bromwich scenes' lists, or a file .toml")->option_text(" ");
@@ -177,10 +185,8 @@ CLI::App* add_command(CLI::App& app, DerivativeArguments& a) {
   add_word(command, "--columns", a.columns, "LIST",
            "of y, w, x, or single ones by name, y0,w0,x2; default: y, and the states of scenes with at most 64");
   add_word(command, "--at", a.at, "LIST", "times, 0.1,0.25; default: T, in --out all time points");
-  add_word(command, "--method", a.method, "NAME", join(method_names()) + "; default: auto");
-  add_word(command, "--steps", a.steps, "J", "time steps; default: the scene's own");
+  add_solve(command, a);
   add_word(command, "--tol", a.tolerance, "EPS", "refine the grid as 'bromwich solve --tol' does");
-  add_word(command, "--threads", a.threads, "N", "threads; default: all cores");
   add_word(command, "--out", a.out, "FILE.csv", "write the columns, and beside each its derivatives");
   command->add_flag("--located", a.located, "with located switches, also where y is continuous");
   command->add_flag("--json", a.json, "print one JSON object instead of the table");
@@ -201,9 +207,7 @@ CLI::App* add_command(CLI::App& app, FitArguments& a) {
   add_settings(command, a.settings);
   add_word(command, "--data", a.data, "FILE.csv", "measured values: header t,x0,y0,..., an empty field is no datum");
   add_word(command, "--free", a.free, "LIST", "parameters to fit, with bounds if any: R,C=1e-7:1e-5");
-  add_word(command, "--method", a.method, "NAME", join(method_names()) + "; default: auto");
-  add_word(command, "--steps", a.steps, "J", "time steps; default: the scene's own");
-  add_word(command, "--threads", a.threads, "N", "threads; default: all cores");
+  add_solve(command, a);
   add_word(command, "--out", a.out, "FILE.csv", "write the fitted values beside the measured ones");
   add_word(command, "--plot", a.plot, "FILE.svg", "draw the fitted curves with the measured values");
   command->add_flag("--json", a.json, "print one JSON object instead of the lines");

@@ -79,6 +79,17 @@ Index valid_rows(const Result& result) {
   return rows;
 }
 
+std::optional<FieldGrid> field_grid(const Scene& scene, const std::optional<Rectangle>& rectangle) {
+  if (rectangle && rectangle->beside.empty()) {
+    const auto first = [](const GridLine& line) { return line.first ? line.spacing / 2 : line.spacing; };
+    const GridLine &along = rectangle->along, &across = rectangle->across;
+    return FieldGrid{along.points, across.points, along.spacing, across.spacing, first(along), first(across)};
+  }
+  const auto* sum = get_if<KroneckerDynamics>(&scene.dynamics);
+  if (!sum || !sum->beside.empty()) return std::nullopt;
+  return FieldGrid{sum->along.points, sum->across.points, sum->along.spacing, sum->across.spacing};
+}
+
 ResultOutput::ResultOutput(const std::string& argument, const std::string& name, const Scene& scene,
                            const std::optional<Rectangle>& rectangle)
     : argument_(argument),
@@ -91,17 +102,10 @@ ResultOutput::ResultOutput(const std::string& argument, const std::string& name,
 }
 
 FieldGrid ResultOutput::grid() const {
-  if (rectangle_ && rectangle_->beside.empty()) {
-    const auto first = [](const GridLine& line) { return line.first ? line.spacing / 2 : line.spacing; };
-    const GridLine &along = rectangle_->along, &across = rectangle_->across;
-    return {along.points, across.points, along.spacing, across.spacing, first(along), first(across)};
-  }
-  const auto* sum = get_if<KroneckerDynamics>(&scene_.dynamics);
-  if (!sum || !sum->beside.empty())
-    throw Error(argument_,
-                fmt::format("'{}' is for fields on a grid of a rectangle, which the scene does not have", name()),
-                "write a file .h5 or .csv");
-  return {sum->along.points, sum->across.points, sum->along.spacing, sum->across.spacing};
+  if (const auto found = field_grid(scene_, rectangle_)) return *found;
+  throw Error(argument_,
+              fmt::format("'{}' is for fields on a grid of a rectangle, which the scene does not have", name()),
+              "write a file .h5 or .csv");
 }
 
 ResultOutput::~ResultOutput() {

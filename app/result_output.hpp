@@ -21,6 +21,9 @@ enum class ResultFormat { csv, hdf5, npz, vtkhdf };
 /// By the extension of the name. Throws Error, naming `argument`, for another one.
 ResultFormat result_format(const std::string& argument, const std::string& name);
 
+/// The points of the states of a scene on a rectangle; empty for others.
+std::optional<FieldGrid> field_grid(const Scene&, const std::optional<Rectangle>&);
+
 class ResultOutput {
  public:
   /// Checks that the file can be written, without changing it. Throws Error, naming `argument`.

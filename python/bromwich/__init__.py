@@ -20,10 +20,8 @@ from ._derivative import (
     BatchDerivative,
     Derivative,
     Gradient,
-    Margin,
     ParameterGradient,
     QuantityGradient,
-    Tangent,
 )
 from ._dynamics import Dynamics, Kronecker
 from ._errors import (
@@ -40,7 +38,9 @@ from ._batch import BatchResult, solve_batch
 from ._backends import BackendInfo, backends, cuda_devices
 from ._nonlinear import NonlinearResult, solve_nonlinear
 from ._parameters import ParameterDerivative
-from ._result import Result, Status, Switch
+from ._result import Result
+from ._result_derivative import Margin, Tangent
+from ._rows import Status, Switch
 from ._saved_result import SavedResult, load
 from ._scene import Scene, scene, scenes
 from ._solve import Solver, solve

@@ -13,7 +13,7 @@ from ._arrays import filled
 from ._errors import Error, Interrupted, NotSolved, NotSolvedWarning
 from ._machine import wanted
 from ._progress import reporting
-from ._result import Status
+from ._rows import Status
 from ._scene import Scene
 from ._solve import Check, Progress, _options
 

@@ -16,7 +16,7 @@ from ._errors import Error, Interrupted, NotSolved, NotSolvedWarning
 from ._machine import wanted
 from ._progress import reporting
 from ._ranks import DealtAnswer, Ranks, ranks_of
-from ._result import Status
+from ._rows import Status
 from ._scene import Scene
 from ._solve import Check, Progress, _options, known
 from ._sources import source
@@ -236,19 +236,21 @@ def _batch(scenes: Any, steps: int | None, arguments: dict[str, Any]) -> tuple:
         if unknown or shared:
             name = (unknown or shared)[0]
             raise Error(f"{name}: is given with a scene and has no leading axis; make the scene with it", name)
-        first = scenes
+        stated = scenes
     else:
         tables = [v.shape[1] - 1 for v in own.values() if isinstance(v, np.ndarray) and v.shape[1] > 1]
-        first = Scene(steps=steps if steps is not None else max(tables, default=None), **common)
+        stated = Scene(steps=steps if steps is not None else max(tables, default=None), **common)
     parts = []
-    for name, width in (("f", first._model.sources), ("g", first.constraints)):
-        parts.append([source(v, f"{name} of scene {k}", width, first.T, first._parameters) for k, v in enumerate(own.get(name, ()))])
-    return [first._model], count, axes, x0, *parts, first
+    for name, width in (("f", stated._model.sources), ("g", stated.constraints)):
+        parts.append([source(v, f"{name} of scene {k}", width, stated.T, stated._parameters) for k, v in enumerate(own.get(name, ()))])
+    return [stated._model], count, axes, x0, *parts, stated
 
 
 def _split(arguments: dict[str, Any]) -> tuple[dict[str, np.ndarray], np.ndarray | None, dict[str, Any], dict[str, Any]]:
     """The arguments with a leading axis, and the arguments of the first scene."""
-    axes, own, common, x0 = {}, {}, dict(arguments), None
+    axes: dict[str, np.ndarray] = {}
+    own: dict[str, Any] = {}
+    common, x0 = dict(arguments), None
     for name, one in AXES.items():
         given = arguments.get(name)
         if given is None or hasattr(given, "tocsc") or hasattr(given, "diagonal") and not hasattr(given, "ndim"):

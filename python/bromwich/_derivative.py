@@ -7,21 +7,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from . import _core
-from ._arrays import on_host
-from ._sources import _require, source
+from ._result_derivative import Margin, ResultDerivative, Tangent, tables, values
+from ._sources import _require
 
 if TYPE_CHECKING:
     from ._result import Result
-
-
-class Tangent(NamedTuple):
-    """Changes of y (J+1) x n, x (J+1) x m and w (J+1) x n at the time points, and of the integral of y over [0, t]
-    (impulses included)."""
-
-    y: np.ndarray
-    x: np.ndarray
-    w: np.ndarray
-    integral: np.ndarray
 
 
 class Gradient(NamedTuple):
@@ -56,17 +46,7 @@ class ParameterGradient(NamedTuple):
     N: float
 
 
-class Margin(NamedTuple):
-    """Where the solution is nearest to a point at which it is not differentiable."""
-
-    margin: float  #: smallest max(y_i, w_i), relative to the largest y_i and w_i
-    t: float
-    constraint: int  #: i; -1: no constraint is near
-    transversality: float  #: smallest T |c'| at a switch where c vanishes, relative to the largest c; inf: none is located
-    grazing_time: float  #: its time
-
-
-class Derivative:
+class Derivative(ResultDerivative):
     """The derivative of a solution, exact and not by differences.
 
     Made by :meth:`Result.derivative`. ``jvp`` follows a change of the data forward in time, ``vjp`` gives the gradient
@@ -81,39 +61,12 @@ class Derivative:
     """
 
     def __init__(self, result: Result, located: bool | None = None, all_times: bool = False) -> None:
-        self._core, self._result = _core.Derivative(result._answer, located, all_times), result
-
-    @property
-    def form(self) -> str:
-        """``discrete solution``, ``modes``, ``over all time points``, ``boundary values`` or ``located switches``."""
-        return self._core.form
-
-    @property
-    def located(self) -> bool:
-        """Whether switches are located."""
-        return self._core.switches is not None
-
-    @property
-    def switches(self) -> np.ndarray | None:
-        """Times of the switches; None where they are not located."""
-        found = self._core.switches
-        return None if found is None else np.array(found, dtype=float)
-
-    @property
-    def one_sided(self) -> np.ndarray:
-        """Time points at a switch: their rows are limits from the right."""
-        return np.array(self._core.one_sided, dtype=int)
+        super().__init__(_core.Derivative(result._answer, located, all_times), result)
 
     @property
     def without_M(self) -> str:
         """Empty, or why there is no derivative with respect to M."""
         return self._core.without_M
-
-    @property
-    def margin(self) -> Margin:
-        """How near y_i = w_i = 0 is, where derivatives are one-sided. Changes of the data that move y and w by less than
-        this share leave the active sets as they are."""
-        return Margin(*self._core.margin)
 
     def jvp(
         self,
@@ -142,10 +95,9 @@ class Derivative:
             Error: another shape, or entries that are not finite; a change of M where :attr:`without_M` says that there is no
                 derivative.
         """
-        tables = {"f": f, "g": g, "A": A, "B": B, "N": N, "M": M, "E": E, "E0": E0, "ET": ET}
-        *arrays, E0, ET = [None if v is None else _table(v, name) for name, v in tables.items()]
-        ends = [None if v is None else _values(v, name).ravel() for name, v in (("x0", x0), ("b", b))]
-        return Tangent(*self._core.jvp(ends[0], *arrays, ends[1], E0, ET, bool(states)))
+        *arrays, E0, ET = tables(f=f, g=g, A=A, B=B, N=N, M=M, E=E, E0=E0, ET=ET)
+        x0, b = (None if v is None else values(v, name).ravel() for name, v in (("x0", x0), ("b", b)))
+        return Tangent(*self._core.jvp(x0, *arrays, b, E0, ET, bool(states)))
 
     def vjp(
         self, *, y: Any = None, x: Any = None, w: Any = None, integral: Any = None, x0: bool = True
@@ -160,9 +112,7 @@ class Derivative:
         Raises:
             Error: another shape, or entries that are not finite; weights of y, x or w at a switch (:attr:`one_sided`).
         """
-        tables = {"y": y, "x": x, "w": w, "integral": integral}
-        weights = (None if v is None else _table(v, name) for name, v in tables.items())
-        return Gradient(*self._core.vjp(*weights, bool(x0)))
+        return Gradient(*self._core.vjp(*tables(y=y, x=x, w=w, integral=integral), bool(x0)))
 
     def jvp_parameters(
         self,
@@ -193,9 +143,7 @@ class Derivative:
         Args:
             y, x, w, integral: as for :meth:`vjp`.
         """
-        tables = {"y": y, "x": x, "w": w, "integral": integral}
-        found = self._core.vjp_parameters(*(None if v is None else _table(v, name) for name, v in tables.items()))
-        return ParameterGradient(*found)
+        return ParameterGradient(*self._core.vjp_parameters(*tables(y=y, x=x, w=w, integral=integral)))
 
     def quantity(self, *, W: Any = None, c: Any = None, end_W: Any = None, end_c: Any = None) -> QuantityGradient:
         """A quantity of interest of the discrete states and its gradient with respect to the data:
@@ -209,7 +157,7 @@ class Derivative:
         Returns:
             ``value``, ``gradient`` (a :class:`Gradient`) and ``weights`` ((J+1) x m, dI/dx, to weigh a :class:`Tangent`).
         """
-        value, weights = self._core.quantity(*_members(W, c, end_W, end_c, self._core.states, self._result))
+        value, weights = self._core.quantity(*self._quantity(W, c, end_W, end_c))
         return QuantityGradient(value, self.vjp(x=weights), weights)
 
 
@@ -250,8 +198,8 @@ class BatchDerivative:
         Args:
             changes: x0, f, g, A, B, N, M, E as :meth:`Derivative.jvp` takes them, or with a leading axis of length K.
         """
-        *tables, reason = self._core.jvp(self._each(changes, "x0 f g A B N M E"), self._threads)
-        return Tangent(*(self._stacked(t) for t in tables)), reason
+        *found, reason = self._core.jvp(self._each(changes, "x0 f g A B N M E"), self._threads)
+        return Tangent(*(self._stacked(t) for t in found)), reason
 
     def vjp(self, **weights: Any) -> tuple[Gradient, list[str]]:
         """The gradients of one number each: members with a leading axis of length K, and K reasons. M of a scene is NaN
@@ -260,40 +208,24 @@ class BatchDerivative:
         Args:
             weights: y, x, w, integral as :meth:`Derivative.vjp` takes them, or with a leading axis of length K.
         """
-        x0, *tables, reason = self._core.vjp(self._each(weights, "y x w integral"), self._threads)
+        x0, *found, reason = self._core.vjp(self._each(weights, "y x w integral"), self._threads)
         x0 = None if x0 is None else self._stacked(x0)[:, :, 0]
-        return Gradient(x0, *(self._stacked(t) for t in tables)), reason
+        return Gradient(x0, *(self._stacked(t) for t in found)), reason
 
     def _stacked(self, table: np.ndarray | None) -> Any:
         return None if table is None else table.reshape(self._K, -1, table.shape[1])
 
     def _each(self, given: dict[str, Any], names: str) -> dict[str, np.ndarray]:
-        tables = {}
+        taken = {}
         for name, value in given.items():
             _require(name in names.split(), name, "is not known", f"use {', '.join(names.split())}")
             if value is None:
                 continue
-            v, axes = _values(value, name), self._AXES[name]
+            v, axes = values(value, name), self._AXES[name]
             _require(v.ndim in (axes, axes + 1), name, f"has {v.ndim} axes", f"give {axes}, or one more for the scenes")
             own = v.ndim == axes + 1
             _require(not own or v.shape[0] == self._K, name, f"has a leading axis of length {v.shape[0] if own else 0}",
                      f"give {self._K} entries, or one for all")
             v = np.broadcast_to(v, (self._K, *v.shape[-axes:]))
-            tables[name] = np.ascontiguousarray(v[:, None, :] if v.ndim == 2 else v)
-        return tables
-
-
-def _values(v: Any, name: str) -> np.ndarray:
-    return np.ascontiguousarray(on_host(v, name))
-
-
-def _table(v: Any, name: str) -> np.ndarray:
-    return np.atleast_2d(_values(v, name))
-
-
-def _members(W: Any, c: Any, end_W: Any, end_c: Any, states: int, result: Result) -> tuple:
-    """Those of a quantity, as the compiled part takes them."""
-    tables = [None if v is None else _table(v, name) for name, v in (("W", W), ("end_W", end_W))]
-    entering = source(c, "c", states, float(result.t[-1]), {})
-    end = None if end_c is None else _values(end_c, "end_c").ravel()
-    return tables[0], entering, tables[1], end
+            taken[name] = np.ascontiguousarray(v[:, None, :] if v.ndim == 2 else v)
+        return taken

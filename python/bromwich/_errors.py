@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from ._result import Result
+from typing import Any
 
 
 class Error(ValueError):
@@ -44,10 +41,10 @@ class NotSolved(Error, RuntimeError):
     """Raised by ``check=True`` where the status is not ``solved``.
 
     Attributes:
-        result: the :class:`bromwich.Result` with its valid part.
+        result: what the solve returns otherwise, such as a :class:`bromwich.Result`, with its valid part.
     """
 
-    def __init__(self, message: str, result: Result) -> None:
+    def __init__(self, message: str, result: Any) -> None:
         super().__init__(message, "status")
         self.result = result
 
@@ -60,10 +57,11 @@ class Interrupted(KeyboardInterrupt):
     """Ctrl-C ended the solve. A KeyboardInterrupt, so that loops around a solve end too.
 
     Attributes:
-        result: the :class:`bromwich.Result` with its valid part; rows of y after it are NaN.
+        result: what the solve returns otherwise, such as a :class:`bromwich.Result`, with its valid part; rows of y after
+            it are NaN.
     """
 
-    def __init__(self, message: str, result: Result) -> None:
+    def __init__(self, message: str, result: Any) -> None:
         super().__init__(message)
         self.result = result
 

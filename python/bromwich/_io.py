@@ -7,48 +7,41 @@ import datetime
 import errno
 import os
 from collections.abc import Iterator
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
-from . import _core
+from . import _core, _hdf5
 from ._errors import Error
 from ._rows import Rows
 
 FORMAT = "bromwich-result/1"
-ARRAYS = {"y": "constraint", "w": "constraint", "x": "state"}
-MEANINGS = {
-    "t": "time",
-    "y": "complementary variable y",
-    "w": "complementary variable w = N x + M y + g",
-    "x": "state",
-}
 HDF5 = (".h5", ".hdf5", ".nc")
-# Of an HDF5 chunk; rows are read one by one as well.
-VALUES_PER_CHUNK, MOST_ROWS_PER_CHUNK = 1 << 17, 1 << 12
 
 
 def save(result: Rows, path: str | os.PathLike[str]) -> None:
     """Writes a result; see :meth:`Rows.save`."""
-    name, extension = extension_of(path, (*HDF5, ".npz", ".csv"))
+    name, extension = extension_of(path, (*HDF5, ".vtkhdf", ".npz", ".csv"))
     rows = _valid_rows(result)
     arrays = {"t": result.t[:rows]}
-    for key in ARRAYS:
+    for key in _hdf5.SECOND:
         values = getattr(result, key)
         if values is not None and values.shape[1] > 0:
             arrays[key] = values[:rows]
-    with _complete(name) as written:
+    facts = {**result._attributes(), **result._provenance()}
+    with complete(name) as written:
         if extension == ".csv":
             _save_csv(result, written, arrays)
         elif extension == ".npz":
-            named = {f"attribute_{key}": np.array(value) for key, value in result._attributes().items()}
+            named = {f"attribute_{key}": np.array(value) for key, value in facts.items()}
             np.savez_compressed(written, allow_pickle=False, **arrays, **_scales(result, arrays), **named)
         else:
-            _save_hdf5(result, written, arrays, result._attributes())
+            _save_hdf5(result, written, arrays, facts, _grid(result, name) if extension == ".vtkhdf" else None)
 
 
 @contextlib.contextmanager
-def _complete(name: str) -> Iterator[str]:
+def complete(name: str) -> Iterator[str]:
     """A temporary name, renamed to `name` once all is written. With a full disk the old file stays, or none."""
     folder = os.path.dirname(name) or "."
     if not os.path.isdir(folder):
@@ -95,52 +88,40 @@ def _scales(result: Rows, arrays: dict[str, np.ndarray], named: bool = True) -> 
     return scales
 
 
-def h5py_for(name: str) -> Any:
+def _grid(result: Rows, name: str) -> tuple[float, ...]:
+    """The points of a scene on a rectangle."""
+    grid = getattr(getattr(result.scene, "_model", None), "grid", None)
+    if grid is None:
+        raise Error(f"path: {name!r} is for fields on a grid of a rectangle, which the scene does not have; use .h5", "path")
+    if len(result.x_components) not in (0, grid[0] * grid[1]):
+        raise Error(f"path: {name!r} holds x of all points or of none; solve with states='all' or 'none'", "path")
+    return grid
+
+
+def _save_hdf5(
+    result: Rows, name: str, arrays: dict[str, np.ndarray], facts: dict[str, Any], grid: tuple[float, ...] | None
+) -> None:
+    scales = _scales(result, arrays)
+    columns = SimpleNamespace(
+        constraints=arrays["y"].shape[1] if "y" in arrays else 0,
+        slack="w" in arrays,
+        states=list(scales.get("state", [])),
+        constraint_names=list(scales.get("constraint_name", [])),
+        state_names=list(scales.get("state_name", [])),
+        units=result.units,
+    )
     try:
-        import h5py
-    except ImportError:
-        raise Error(f"path: {name!r} needs h5py; pip install h5py, or use .npz", "path") from None
-    return h5py
-
-
-def _save_hdf5(result: Rows, name: str, arrays: dict[str, np.ndarray], facts: dict[str, Any]) -> None:
-    h5py = h5py_for(name)
-    # In memory first: HDF5 ends the process after a file that it could not write, on a full disk.
-    with h5py.File(name, "w", driver="core", backing_store=False, block_size=1 << 20) as file:
-        for key, value in facts.items():
-            file.attrs[key] = value
-        widest = max([values.shape[1] for key, values in arrays.items() if key != "t"], default=1)
-        rows = min(max(len(arrays["t"]), 1), max(1, min(VALUES_PER_CHUNK // widest, MOST_ROWS_PER_CHUNK)))
-        for key, values in arrays.items():
-            width = values.shape[1:]
-            file.create_dataset(
-                key,
-                data=values,
-                maxshape=(None, *width),
-                chunks=(rows, *(min(n, VALUES_PER_CHUNK) for n in width)),
-                compression=1,
-                shuffle=True,
-            )
-            file[key].attrs["long_name"] = MEANINGS[key]
-            if unit := result.units[key]:
-                file[key].attrs["units"] = unit
-        file["t"].make_scale("t")
-        text = h5py.string_dtype()
-        for key, values in _scales(result, arrays).items():
-            file.create_dataset(key, data=values.astype(object) if key.endswith("_name") else values,
-                                dtype=text if key.endswith("_name") else None)
-            if not key.endswith("_name"):
-                file[key].make_scale(key)
-            else:
-                file[key].dims[0].attach_scale(file[key[: -len("_name")]])
-        for key, second in ARRAYS.items():
-            if key in arrays:
-                file[key].dims[0].attach_scale(file["t"])
-                file[key].dims[1].attach_scale(file[second])
-        file.flush()
-        image = file.id.get_file_image()
-    with open(name, "wb") as written:
-        written.write(image)
+        file, rows = _hdf5.HdfFile(name, in_memory=True), len(arrays["t"])
+        written: Any = (
+            _hdf5.FieldRows(file, grid, columns, rows, facts) if grid else _hdf5.ResultRows(file, columns, rows, facts)
+        )
+    except _hdf5.Refused as refused:
+        raise Error(f"path: {refused}", "path") from None
+    written.write(arrays["t"], arrays.get("y"), arrays.get("w"), arrays.get("x"), 0)
+    image = written.file.image()
+    written.close()
+    with open(name, "wb") as whole:
+        whole.write(image)
 
 
 def _shortest(value: float) -> str:

@@ -12,8 +12,7 @@ from . import _core
 from ._arrays import number, whole_number, word
 from ._errors import Error
 from ._machine import wanted
-from ._result import Status, Switch
-from ._rows import Rows
+from ._rows import Rows, Switch
 from ._scene import Scene
 from ._solve import Check, judged, known, stated
 from ._words import suggestion
@@ -28,31 +27,41 @@ class NonlinearResult(Rows):
     """The result of :func:`solve_nonlinear`.
 
     Attributes:
-        scene: the linear part.
-        status, reason, warning, seconds: as in :class:`Result`.
-        t: J+1 times.
-        x, y, w: (J+1) x m, n and n; NaN after the last valid time.
-        x_components: which component of the state each column of x is: all of them, or none.
-        trace: (J+1) x n, v = N x in place of x, with ``of="trace"`` in scenes that are not dense; otherwise empty.
-        continuous: whether y is linear between its rows; otherwise it may jump from step to step.
-        residual: max |min(y, w)| / max(1, |w - M y|) at the time points.
         defect: of the discrete equation of x, relative to max(1, |x|).
-        error_estimate: with ``tol``, and where half the step was solved to confirm a result; otherwise None.
-        method: ``"march"``, ``"iteration"``, ``"newton"`` or ``"pointwise"``.
         newton, solves, windows, marched: Newton iterations, linear solves, windows of the iteration, marched steps.
         contraction: the largest one of an accepted window.
-        backend: that solved it.
+        seconds: wall-clock time of the solve.
     """
 
     def __init__(self, answer: _core.NonlinearAnswer, scene: Scene) -> None:
-        self._answer, self.scene = answer, scene
-        self.status = Status(answer.status)
-        for name in (
-            "reason warning t x y w trace continuous residual defect error_estimate method newton solves windows "
-            "marched contraction backend seconds"
-        ).split():
-            setattr(self, name, getattr(answer, name))
-        self.x_components = list(range(self.x.shape[1]))
+        super().__init__(answer, scene)
+        self.defect: float = answer.defect
+        self.newton: int = answer.newton
+        self.solves: int = answer.solves
+        self.windows: int = answer.windows
+        self.marched: int = answer.marched
+        self.contraction: float = answer.contraction
+        self.seconds: float = answer.seconds
+
+    @property
+    def x_components(self) -> list[int]:
+        """Which component of the state each column of ``x`` is: all of them, or none."""
+        return list(range(self.x.shape[1]))
+
+    @property
+    def trace(self) -> np.ndarray:
+        """(J+1) x n, v = N x in place of x, with ``of="trace"`` in scenes that are not dense; otherwise empty."""
+        return self._answer.trace
+
+    @property
+    def residual(self) -> float:
+        """max |min(y, w)| / max(1, |w - M y|) at the time points."""
+        return self._answer.residual
+
+    @property
+    def error_estimate(self) -> float | None:
+        """With ``tol``, and where half the step was solved to confirm a result; otherwise None."""
+        return self._answer.error_estimate
 
     @property
     def steps(self) -> int:
@@ -73,7 +82,7 @@ class NonlinearResult(Rows):
         Raises:
             Error: for times outside [0, T].
         """
-        return NonlinearResult(self._answer.at(self._times(t)), self.scene)
+        return NonlinearResult(self._answer.at(self._times(t)), self._scene)
 
     def __repr__(self) -> str:
         words = [f"{self.status} by {self.method}", *([] if self.ok else [self.reason]), f"{self.steps} steps"]

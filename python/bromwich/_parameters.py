@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from . import _core
-from ._derivative import Margin, Tangent, _members, _table
+from ._result_derivative import ResultDerivative, Tangent, tables
 from ._sources import _require
 
 if TYPE_CHECKING:
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from ._scene import Scene
 
 
-class ParameterDerivative:
+class ParameterDerivative(ResultDerivative):
     """The derivative of a solution with respect to parameters of its scene.
 
     Made by :meth:`Result.derivative` with ``parameters``. The derivative with respect to the data of the scene is exact; how
@@ -25,7 +25,6 @@ class ParameterDerivative:
 
     Attributes:
         parameters: names and values.
-        t: times of the rows.
 
     Example:
         >>> r = solve(Scene.from_toml("circuit.toml"))
@@ -59,40 +58,13 @@ class ParameterDerivative:
             return made._model
 
         self.parameters: dict[str, float] = values
-        self.t: np.ndarray = result.t
-        self._result = result
-        self._core = _core.ParameterDerivative(result._answer, list(values), list(values.values()), model, located)
-
-    @property
-    def form(self) -> str:
-        """As :attr:`Derivative.form`."""
-        return self._core.form
+        core = _core.ParameterDerivative(result._answer, list(values), list(values.values()), model, located)
+        super().__init__(core, result)
 
     @property
     def words(self) -> str:
         """The form, and how the data were differentiated."""
         return self._core.words
-
-    @property
-    def located(self) -> bool:
-        """Whether switches are located."""
-        return self._core.switches is not None
-
-    @property
-    def switches(self) -> np.ndarray | None:
-        """Times of the switches; None where they are not located."""
-        found = self._core.switches
-        return None if found is None else np.array(found, dtype=float)
-
-    @property
-    def one_sided(self) -> np.ndarray:
-        """Rows at a switch: they are limits from the right."""
-        return np.array(self._core.one_sided, dtype=int)
-
-    @property
-    def margin(self) -> Margin:
-        """As :attr:`Derivative.margin`."""
-        return Margin(*self._core.margin)
 
     def jvp(self, *, states: bool = False, **changes: float) -> Tangent:
         """The change of the solution with a change of the parameters, to first order: ``jvp(R=1.0)`` is the derivative by R.
@@ -115,8 +87,7 @@ class ParameterDerivative:
 
     def vjp(self, *, y: Any = None, x: Any = None, w: Any = None, integral: Any = None) -> dict[str, float]:
         """The gradient of the number of :meth:`Derivative.vjp` with respect to the parameters, by one pass for all of them."""
-        tables = {"y": y, "x": x, "w": w, "integral": integral}
-        found = self._core.vjp(*(None if v is None else _table(v, name) for name, v in tables.items()))
+        found = self._core.vjp(*tables(y=y, x=x, w=w, integral=integral))
         return dict(zip(self.parameters, found))
 
     def quantity(
@@ -124,5 +95,5 @@ class ParameterDerivative:
     ) -> tuple[float, dict[str, float]]:
         """A quantity of interest, as for :meth:`Derivative.quantity`, and its gradient with respect to the parameters. That of
         the scene file may depend on them itself."""
-        value, found = self._core.quantity(*_members(W, c, end_W, end_c, self._core.states, self._result))
+        value, found = self._core.quantity(*self._quantity(W, c, end_W, end_c))
         return value, dict(zip(self.parameters, found))

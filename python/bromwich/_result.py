@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import enum
+import json
+import os
 from collections.abc import Callable, Iterable, Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple, overload
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
@@ -12,36 +13,11 @@ from . import _core
 from ._derivative import Derivative
 from ._errors import Error
 from ._parameters import ParameterDerivative
-from ._rows import Rows
+from ._rows import Rows, Switch
 from ._sources import restored
 
 if TYPE_CHECKING:
     from ._scene import Scene
-
-
-class Status(str, enum.Enum):
-    """How a solve ended. Each is a string: ``result.status == "solved"``."""
-
-    solved = "solved"
-    tolerance_not_met = "tolerance_not_met"  #: there is a y, but its residual or error is too large
-    infeasible = "infeasible"  #: there is no solution from the time ``infeasible_at`` on
-    unsupported = "unsupported"  #: the method cannot solve such a scene
-    nonfinite = "nonfinite"  #: values that overflow a double
-    interrupted = "interrupted"  #: by Ctrl-C, or by ``stop``
-    running = "running"  #: of a file: the run goes on, or was killed
-    failed = "failed"  #: of a file: the run ended with an error, which the command has printed
-
-    def __str__(self) -> str:
-        return self.value
-
-
-class Switch(NamedTuple):
-    """A constraint that becomes active or inactive."""
-
-    t: float
-    component: int  #: of y, from 0
-    on: bool  #: y becomes positive
-    error: float  #: estimated, of t
 
 
 class Result(Rows):
@@ -50,42 +26,9 @@ class Result(Rows):
     ``t`` has J+1 times; ``y``, ``x``, ``w`` have one row for each. Rows after the last valid time are NaN.
     """
 
-    def __init__(self, answer: _core.Answer, scene: Scene) -> None:
-        self._answer, self._scene = answer, scene
-
     def __reduce__(self) -> tuple:
         """Pickles the arrays with the scene; the copy computes later values on the host."""
         return _restored, (self._scene, _core.state_of_answer(self._answer))
-
-    @property
-    def scene(self) -> Scene:
-        """The scene, as it was given to ``solve`` or the solver."""
-        return self._scene
-
-    @property
-    def status(self) -> Status:
-        """``solved``, or what is wrong."""
-        return Status(self._answer.status)
-
-    @property
-    def reason(self) -> str:
-        """One line where the status is not ``solved``; otherwise empty."""
-        return self._answer.reason
-
-    @property
-    def warning(self) -> str:
-        """One line about uniqueness or accuracy, which a solved result may have too; otherwise empty."""
-        return self._answer.warning
-
-    @property
-    def t(self) -> np.ndarray:
-        """Times, J+1."""
-        return self._answer.t
-
-    @property
-    def y(self) -> np.ndarray:
-        """(J+1) x n."""
-        return self._answer.y
 
     @property
     def y_left(self) -> np.ndarray:
@@ -96,21 +39,6 @@ class Result(Rows):
     def y_integral(self) -> np.ndarray:
         """(J+1) x n: the integral of y over [0, t_j], impulses that move the state included. Computed at each call."""
         return self._answer.y_integral()
-
-    @property
-    def w(self) -> np.ndarray | None:
-        """(J+1) x n: N x + M y + g, with g as it is at the first access to w."""
-        return self._answer.w
-
-    @property
-    def x(self) -> np.ndarray:
-        """(J+1) x the number of components that were recorded."""
-        return self._answer.x
-
-    @property
-    def x_components(self) -> list[int]:
-        """Which component of the state each column of ``x`` is."""
-        return self._answer.x_components
 
     @property
     def residual(self) -> float:
@@ -153,16 +81,6 @@ class Result(Rows):
         return self._answer.seconds
 
     @property
-    def method(self) -> str:
-        """The method that solved the scene, or was tried last."""
-        return self._answer.method
-
-    @property
-    def backend(self) -> str:
-        """``"cpu"`` or ``"cuda"``."""
-        return self._answer.backend
-
-    @property
     def kernel(self) -> str:
         """How the kernel was made and applied, in words."""
         return self._answer.kernel
@@ -181,11 +99,6 @@ class Result(Rows):
     def history(self) -> list[float]:
         """Largest change of y in each sweep or cycle, relative to max(1, |y|)."""
         return self._answer.history
-
-    @property
-    def continuous(self) -> bool:
-        """Whether y is linear between its rows; otherwise it may jump from step to step."""
-        return self._answer.continuous
 
     @property
     def starts_with_impulse(self) -> bool:
@@ -230,6 +143,39 @@ class Result(Rows):
                 where the states at all time points take more than 4 GB.
         """
         return Result(self._answer.at(self._times(t)), self._scene)
+
+    def report(self, path: str | os.PathLike[str]) -> None:
+        """Writes a page on the result, one HTML file that stands alone: what was solved, what was checked, curves, errors
+        and times (``docs/report.md``).
+
+        Args:
+            path: ends in ``.html``.
+        """
+        from ._io import complete, extension_of
+
+        name, _ = extension_of(path, (".html",))
+        page = self._page()
+        with complete(name) as written, open(written, "w", encoding="utf-8") as file:
+            file.write(page)
+
+    def _page(self) -> str:
+        return _core.page(self._answer, *self._stated())
+
+    def _provenance(self) -> dict[str, Any]:
+        """As the command writes it."""
+        summary = json.loads(_core.summary(self._answer, *self._stated()))
+        return {
+            "T": self._scene.T,
+            "parameters": json.dumps(summary["parameters"]),
+            "options": json.dumps({key: value for key, value in summary["requested"].items() if value is not None}),
+            "threads": summary["threads"],
+            "bromwich_commit": _core.commit,
+            "summary": json.dumps(summary),
+        }
+
+    def _stated(self) -> tuple[dict[str, float], dict[str, list[str]], dict[str, list[str]]]:
+        """Parameters, names and units of the scene."""
+        return self._scene.parameters, self._scene.names, self._scene.units
 
     @overload
     def derivative(self, *, located: bool | None = None, all_times: bool = False) -> Derivative: ...

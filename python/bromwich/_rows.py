@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import enum
 import os
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -15,31 +16,101 @@ if TYPE_CHECKING:
     import xarray
     from matplotlib.axes import Axes
 
-    from ._result import Status
     from ._scene import Scene
 
 
+class Status(str, enum.Enum):
+    """How a solve ended. Each is a string: ``result.status == "solved"``."""
+
+    solved = "solved"
+    tolerance_not_met = "tolerance_not_met"  #: there is a y, but its residual or error is too large
+    infeasible = "infeasible"  #: there is no solution from the time ``infeasible_at`` on
+    unsupported = "unsupported"  #: the method cannot solve such a scene
+    nonfinite = "nonfinite"  #: values that overflow a double
+    interrupted = "interrupted"  #: by Ctrl-C, or by ``stop``
+    running = "running"  #: of a file: the run goes on, or was killed
+    failed = "failed"  #: of a file: the run ended with an error, which the command has printed
+
+    def __str__(self) -> str:
+        return self.value
+
+
+class Switch(NamedTuple):
+    """A constraint that becomes active or inactive."""
+
+    t: float
+    component: int  #: of y, from 0
+    on: bool  #: y becomes positive
+    error: float  #: estimated, of t
+
+
 class Rows:
-    """Rows of ``t``, ``y``, ``w`` and ``x``. Derived classes have these arrays, the scene and the status."""
+    """Rows of ``t``, ``y``, ``w`` and ``x``, how the solve ended, and how it was done. Derived classes know how it is checked."""
 
-    if TYPE_CHECKING:
+    _answer: Any
 
-        @property
-        def scene(self) -> Scene: ...
-        @property
-        def status(self) -> Status: ...
-        @property
-        def t(self) -> np.ndarray: ...
-        @property
-        def y(self) -> np.ndarray: ...
-        @property
-        def w(self) -> np.ndarray | None: ...
-        @property
-        def x(self) -> np.ndarray: ...
-        @property
-        def x_components(self) -> list[int]: ...
-        @property
-        def continuous(self) -> bool: ...
+    def __init__(self, answer: Any, scene: Scene) -> None:
+        self._answer, self._scene = answer, scene
+
+    @property
+    def scene(self) -> Scene:
+        """The scene, as it was given to ``solve`` or the solver."""
+        return self._scene
+
+    @property
+    def status(self) -> Status:
+        """``solved``, or what is wrong."""
+        return Status(self._answer.status)
+
+    @property
+    def reason(self) -> str:
+        """One line where the status is not ``solved``; otherwise empty."""
+        return self._answer.reason
+
+    @property
+    def warning(self) -> str:
+        """One line about uniqueness or accuracy, which a solved result may have too; otherwise empty."""
+        return self._answer.warning
+
+    @property
+    def t(self) -> np.ndarray:
+        """Times, J+1."""
+        return self._answer.t
+
+    @property
+    def y(self) -> np.ndarray:
+        """(J+1) x n."""
+        return self._answer.y
+
+    @property
+    def w(self) -> np.ndarray | None:
+        """(J+1) x n: N x + M y + g, with g as it is at the first access to w."""
+        return self._answer.w
+
+    @property
+    def x(self) -> np.ndarray:
+        """(J+1) x the number of components that were recorded."""
+        return self._answer.x
+
+    @property
+    def x_components(self) -> list[int]:
+        """Which component of the state each column of ``x`` is."""
+        return self._answer.x_components
+
+    @property
+    def method(self) -> str:
+        """The method that solved the scene, or was tried last."""
+        return self._answer.method
+
+    @property
+    def backend(self) -> str:
+        """``"cpu"`` or ``"cuda"``."""
+        return self._answer.backend
+
+    @property
+    def continuous(self) -> bool:
+        """Whether y is linear between its rows; otherwise it may jump from step to step."""
+        return self._answer.continuous
 
     @property
     def ok(self) -> bool:
@@ -83,12 +154,12 @@ class Rows:
         import xarray
 
         constraint = np.arange(self.y.shape[1])
-        variables = {"y": (("t", "constraint"), self.y)}
+        variables: dict[str, Any] = {"y": (("t", "constraint"), self.y)}
         if self.w is not None:
             variables["w"] = (("t", "constraint"), self.w)
         if self.x.shape[1] > 0:
             variables["x"] = (("t", "state"), self.x)
-        coordinates = {"t": self.t, "constraint": constraint, "state": np.array(self.x_components, dtype=int)}
+        coordinates: dict[str, Any] = {"t": self.t, "constraint": constraint, "state": np.array(self.x_components, dtype=int)}
         for dimension, names in (("constraint", self.constraint_names), ("state", self.state_names)):
             if names and len(names) == len(coordinates[dimension]):
                 coordinates[f"{dimension}_name"] = (dimension, names)
@@ -103,7 +174,8 @@ class Rows:
 
         Args:
             path: ends in ``.h5`` (HDF5, needs h5py; ``xarray.open_dataset(path, engine="h5netcdf")`` opens it), in
-                ``.npz`` (NumPy) or in ``.csv`` (t, y and x). :func:`bromwich.load` reads all of them.
+                ``.npz`` (NumPy), in ``.csv`` (t, y and x), or, for scenes on a rectangle, in ``.vtkhdf`` (ParaView and VTK,
+                needs h5py). :func:`bromwich.load` reads all of them.
 
         Raises:
             Error: for another extension, or without h5py.
@@ -111,6 +183,10 @@ class Rows:
         from ._io import save
 
         save(self, path)
+
+    def _provenance(self) -> dict[str, Any]:
+        """What a file says besides of the scene and of how it was solved."""
+        return {}
 
     def _times(self, t: Any) -> list[float]:
         """The times that ``at`` is given, checked."""

@@ -7,14 +7,17 @@ import json
 import math
 import os
 import zipfile
+from collections.abc import Iterable
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
+from . import _core, _hdf5
 from ._errors import Error
-from ._io import ARRAYS, HDF5, extension_of, h5py_for
-from ._result import Result
+from ._io import HDF5, extension_of
+from ._result import Result, require
+from ._rows import Switch
 
 READ = (*HDF5, ".npz", ".csv", ".vtkhdf")
 
@@ -44,23 +47,25 @@ def load(path: str | os.PathLike[str]) -> SavedResult:
     elif extension == ".csv":
         arrays, facts = _load_csv(name)
     else:
-        arrays, facts = _load_hdf5(name, extension == ".vtkhdf")
+        arrays, facts = _load_hdf5(name)
     if "t" not in arrays:
         raise Error(f"path: {name!r} holds no result; give a file of Result.save or of bromwich solve --out", "path")
-    return SavedResult(arrays, facts)
+    return SavedResult(arrays, facts, os.path.abspath(name))
 
 
 class SavedResult(Result):
     """A result that was read from a file: ``t``, ``y``, ``w``, ``x`` and what is known of them, as of :class:`Result`.
 
-    Of the scene only the name is known. Switches, the integral of y and values at other times come from the rows.
+    Of the scene only the name is known. Switches and values at other times come from the rows.
     """
 
-    def __init__(self, arrays: dict[str, np.ndarray], facts: dict[str, Any]) -> None:
+    def __init__(self, arrays: dict[str, np.ndarray], facts: dict[str, Any], name: str = "") -> None:
+        self._name = name  # of the file
         for values in arrays.values():
             values.flags.writeable = False
         self._units, self._columns = facts.pop("_units", {}), facts.pop("_columns", {})
-        super().__init__(_Answer(arrays, facts), SimpleNamespace(name=facts.get("scene", "")))
+        scene: Any = SimpleNamespace(name=facts.get("scene", ""))
+        super().__init__(_Answer(arrays, facts), scene)
         self._facts = facts
 
     @property
@@ -92,6 +97,32 @@ class SavedResult(Result):
     def _attributes(self) -> dict[str, Any]:
         return dict(self._facts)
 
+    def at(self, t: float | Iterable[float]) -> SavedResult:
+        """The result at other times, interpolated linearly between the rows.
+
+        Raises:
+            Error: for times outside the rows, and for times between them where y may jump.
+        """
+        return SavedResult(self._answer.between(self._times(t)), {**self._facts, "_units": self._units})
+
+    @property
+    def switches(self) -> list[Switch]:
+        """When constraints become active and inactive, interpolated between the rows. Where y may jump, and where the
+        distances of rows differ, only the rows before and after are known: the middle, and half the distance as error. A
+        file without a summary, such as CSV, does not tell free rows, whose changes of sign are here too."""
+        h = np.diff(self.t)
+        lines = self.continuous and bool(np.all(np.abs(h - h.mean()) <= 1e-6 * h.mean())) if h.size else True
+        free = sorted(self._answer.summary.get("free_rows", []))
+        return [Switch(*s) for s in _core.switches_of_rows(*map(_doubles, (self.t, self.y)), lines, free)]
+
+    def _page(self) -> str:
+        found = "these rows are between those of a file; report its result, bromwich.load(path).report(...)"
+        require(bool(self._name), "report", found)
+        return _core.page_of_file(self._name)
+
+    def _provenance(self) -> dict[str, Any]:
+        return {}
+
     def _span(self) -> tuple[float, float]:
         if not len(self.t):
             raise Error("t: the file has no rows; solve again", "t")
@@ -119,16 +150,16 @@ class _Answer:
         self.w = arrays.get("w")
         self.y_left = np.empty((0, 0))
         self.x_components = [int(i) for i in arrays.get("state", [])]
-        self.constraint_names = arrays.get("constraint_name", [])
-        self.state_names = arrays.get("state_name", [])
+        self.constraint_names: Any = arrays.get("constraint_name", [])
+        self.state_names: Any = arrays.get("state_name", [])
         self._facts = facts
         try:
-            self._summary = json.loads(facts.get("summary", "{}"))
+            self.summary = json.loads(facts.get("summary", "{}"))
         except ValueError:
-            self._summary = {}
-        self.seconds = self._summary.get("seconds") or {"total": facts.get("seconds", math.nan)}
-        self.errors = self._summary.get("errors")
-        self.goal = self._summary.get("goal")
+            self.summary = {}
+        self.seconds = self.summary.get("seconds") or {"total": facts.get("seconds", math.nan)}
+        self.errors = self.summary.get("errors")
+        self.goal = self.summary.get("goal")
 
     # Facts and their values where a file does not have them.
     ABSENT = {
@@ -155,7 +186,7 @@ class _Answer:
         if name == "steps":
             return int(self._facts.get("steps", max(len(self.t) - 1, 0)))
         if name in ("cycles", "bytes"):
-            return self._summary.get(name, 0)
+            return self.summary.get(name, 0)
         if name == "history":
             return []
         raise AttributeError(name)
@@ -164,9 +195,9 @@ class _Answer:
         raise Error("y_integral: is not in the file; solve again, or integrate y", "y_integral")
 
     def switches(self, with_errors: bool) -> list[Any]:
-        raise Error("switches: are not in the file; write them with bromwich solve --switches", "switches")
+        raise Error("switches_with_errors: needs the scene, which is not in the file; use switches", "switches")
 
-    def at(self, times: list[float]) -> _Answer:
+    def between(self, times: list[float]) -> dict[str, np.ndarray]:
         wanted = np.array(times)
         if not self.continuous and not np.all(np.isin(wanted, self.t)):
             raise Error("t: y may jump between the rows of the file; give times of rows", "t")
@@ -178,36 +209,21 @@ class _Answer:
         for key, value in (("state", self.x_components), ("constraint_name", self.constraint_names)):
             between[key] = np.array(value)
         between["state_name"] = np.array(self.state_names)
-        return _Answer(between, self._facts)
+        return between
 
 
-def _load_hdf5(name: str, grid: bool) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
-    with h5py_for(name).File(name) as file:
-        facts = {key: value.item() if isinstance(value, np.generic) else value for key, value in file.attrs.items()}
-        if grid:
-            if "VTKHDF/Steps/Values" not in file:
-                return {}, facts
-            data, count = file["VTKHDF/PointData"], int(file["VTKHDF/Steps"].attrs["NSteps"])
-            arrays = {"t": file["VTKHDF/Steps/Values"][:count]}
-            arrays |= {key: _of_constraints(data[key][:count], facts) for key in ("y", "w") if key in data}
-            if "x" in data:
-                arrays["x"] = data["x"][:count].reshape(count, -1)
-                arrays["state"] = np.arange(arrays["x"].shape[1])
-            return arrays, facts
-        arrays = {key: file[key][()] for key in ("t", *ARRAYS, "constraint", "state") if key in file}
-        for key in ("constraint_name", "state_name"):
-            if key in file:
-                arrays[key] = file[key].asstr()[()].astype(str)
-        facts["_units"] = {key: file[key].attrs["units"] for key in ("t", *ARRAYS) if "units" in file.get(key, file).attrs}
-    # If the process ended during a flush, some of them may be longer.
-    rows = min([len(arrays[key]) for key in ("t", *ARRAYS) if key in arrays], default=0)
-    return {key: value[:rows] if key in ("t", *ARRAYS) else value for key, value in arrays.items()}, facts
+def _doubles(values: np.ndarray) -> np.ndarray:
+    return np.ascontiguousarray(values, dtype=np.float64)
 
 
-def _of_constraints(points: np.ndarray, facts: dict[str, Any]) -> np.ndarray:
-    """A value for each line of points, and with constraints on two sides one for its other end, after those of the first side."""
-    sides = 2 if facts.get("constraints") == 2 * points.shape[1] else 1
-    return np.concatenate([points[:, :, 0], points[:, :, -1]][:sides], axis=1)
+def _load_hdf5(name: str) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+    try:
+        found = _hdf5.read(name)
+    except _hdf5.Refused as refused:
+        raise Error(f"path: {refused}", "path") from None
+    facts = {**found.pop("facts"), "_units": found.pop("units")}
+    del found["others"]
+    return found, facts
 
 
 def _load_csv(name: str) -> tuple[dict[str, np.ndarray], dict[str, Any]]:

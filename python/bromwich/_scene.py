@@ -137,6 +137,8 @@ class Scene:
         if self._recipe is not None:
             maker, arguments, named = self._recipe
             changed = {**named, name: value}
+            if maker == "relay":
+                changed = {**named, "parameters": {**named["parameters"], name: value}}
             return scene(*arguments, **changed) if maker == "catalogue" else getattr(type(self), maker)(*arguments, **changed)
         parameters = {**self._parameters, name: value}
         *sources, breakpoints = _core.state_of_sources(self._model)
@@ -173,20 +175,37 @@ class Scene:
 
     @classmethod
     def relay(
-        cls, *, A: Any, B: Any, C: Any, x0: Any, T: float, f: Any = None, e: Any = None, steps: int = 400, name: str = ""
+        cls,
+        *,
+        A: Any,
+        B: Any,
+        C: Any,
+        x0: Any,
+        T: float,
+        f: Any = None,
+        e: Any = None,
+        parameters: Mapping[str, float] | None = None,
+        steps: int = 400,
+        name: str = "",
+        names: Mapping[str, Iterable[str]] | None = None,
+        units: Mapping[str, str | Iterable[str]] | None = None,
     ) -> Scene:
         """Relays: ``x' = A x + B l + f(t)``, ``l_i`` in ``-Sgn(C_i x + e_i(t))`` between -1 and 1, for k outputs.
 
         A is m x m, B m x k, C k x m; f has m values, e has k. As a complementarity problem y has 2k components, ``l = 1 - 2 y[:, :k]``.
+        The other arguments are those of :class:`Scene`.
         """
         A, B, C = matrix(A, "A"), matrix(B, "B", column=True), matrix(C, "C")
         T, steps = number(T, "T"), whole_number(steps, "steps")
-        sources = source(f, "f", A.shape[0], T, {}), source(e, "e", C.shape[0], T, {})
+        values, f, e = parameters_of(parameters), on_this_host(f, "f"), on_this_host(e, "e")
+        sources = source(f, "f", A.shape[0], T, values), source(e, "e", C.shape[0], T, values)
         model = _core.relay(A, B, C, sources[0], vector(x0, "x0"), sources[1])
         model.name, model.T, model.steps = word(name, "name"), T, steps
         model.validate()
-        given = dict(A=A.copy(), B=B.copy(), C=C.copy(), x0=vector(x0, "x0").copy(), T=T, f=f)
-        return cls._of(model, {}, {}, ("relay", (), {**given, "steps": steps, "name": name}))
+        facts = {"names": names_of(model, names), "units": units_of(model, units)}
+        given = dict(A=A.copy(), B=B.copy(), C=C.copy(), x0=vector(x0, "x0").copy(), T=T, f=f, e=e, parameters=values)
+        given |= {"steps": steps, "name": name, "names": names, "units": units}
+        return cls._of(model, values, facts, ("relay", (), given))
 
     @property
     def name(self) -> str:

@@ -14,7 +14,8 @@ from ._errors import Error, Interrupted, NotSolved, NotSolvedWarning
 from ._machine import wanted
 from ._progress import reporting
 from ._ranks import Ranks, ranks_of
-from ._result import Result, Status
+from ._result import Result
+from ._rows import Status
 from ._scene import Scene
 from ._sources import on_this_host
 from ._words import suggestion
@@ -22,10 +23,20 @@ from ._words import suggestion
 # The largest number of states that are recorded by default.
 RECORDED_STATES = 1000
 
-OPTIONS = frozenset(
-    "method steps tol tol_x tol_y atol max_steps max_seconds iteration_tol max_iterations states memory_limit "
-    "event_location".split()
-)
+# Options that are numbers: their names in the compiled part.
+NUMBERS: dict[str, tuple[str, Callable[[Any, str], float]]] = {
+    "steps": ("steps", whole_number),
+    "tol": ("tolerance", number),
+    "tol_x": ("tolerance_x", number),
+    "tol_y": ("tolerance_y", number),
+    "atol": ("absolute_tolerance", number),
+    "max_steps": ("max_steps", whole_number),
+    "max_seconds": ("max_seconds", number),
+    "iteration_tol": ("iteration_tolerance", number),
+    "max_iterations": ("max_iterations", whole_number),
+    "memory_limit": ("memory_limit", number),
+}
+OPTIONS = frozenset({"method", "states", "event_location", *NUMBERS})
 
 Check = bool | Literal["warn"]
 Progress = Callable[[int, int, float], object]
@@ -131,7 +142,7 @@ def solve(
     )
     on = wanted(backend, device, threads, shared)
     with reporting(progress if _speaks(shared) else None, options.iteration_tolerance) as report:
-        answer = _core.solve(scene._model, options, on, report, stop, shared and _core.Ranks(shared))
+        answer = _core.solve(scene._model, options, on, report, stop, None if shared is None else _core.Ranks(shared))
     return _checked(answer, scene, check if _speaks(shared) or check is True else False, stop)
 
 
@@ -178,7 +189,7 @@ class Solver:
         self._iteration_tolerance = made.iteration_tolerance
         self._ranks = ranks_of(ranks, None)
         on = wanted(backend, device, threads, self._ranks)
-        self._prepared = _core.Prepared(scene._model, made, on, self._ranks and _core.Ranks(self._ranks))
+        self._prepared = _core.Prepared(scene._model, made, on, None if self._ranks is None else _core.Ranks(self._ranks))
 
     @property
     def scene(self) -> Scene:
@@ -225,19 +236,11 @@ def _options(
     scene: Scene,
     *,
     method: str = "auto",
-    steps: int | None = None,
-    tol: float | None = None,
-    tol_x: float | None = None,
-    tol_y: float | None = None,
-    atol: float | None = None,
-    max_steps: int | None = None,
-    max_seconds: float | None = None,
-    iteration_tol: float | None = None,
-    max_iterations: int | None = None,
     states: str | Iterable[int | str] | None = "auto",
-    memory_limit: float | None = None,
     event_location: bool = False,
+    **numbers: float | None,
 ) -> _core.Options:
+    """``numbers``: those of NUMBERS; None is that of the compiled part."""
     o = _core.Options()
     word(method, "method")
     try:
@@ -248,24 +251,13 @@ def _options(
     o.trace = True
     o.event_location = bool(event_location)
     absolute = method == "goal"  # of its quantity
-    given = [(t, name) for t, name in ((tol, "tol"), (tol_x, "tol_x"), (tol_y, "tol_y")) if t is not None]
-    tolerances = [_tolerance(t, name, absolute) for t, name in given]
+    given = {name: value for name, value in numbers.items() if value is not None}
+    tolerances = [_tolerance(given[name], name, absolute) for name in ("tol", "tol_x", "tol_y") if name in given]
     if tolerances and not absolute:
         o.iteration_tolerance = max(1e-3 * min(tolerances), o.iteration_tolerance)
-    for attribute, name, kind, value in (
-        ("steps", "steps", whole_number, steps),
-        ("tolerance", "tol", number, tol),
-        ("tolerance_x", "tol_x", number, tol_x),
-        ("tolerance_y", "tol_y", number, tol_y),
-        ("absolute_tolerance", "atol", number, atol),
-        ("max_steps", "max_steps", whole_number, max_steps),
-        ("max_seconds", "max_seconds", number, max_seconds),
-        ("iteration_tolerance", "iteration_tol", number, iteration_tol),
-        ("max_iterations", "max_iterations", whole_number, max_iterations),
-        ("memory_limit", "memory_limit", number, memory_limit),
-    ):
-        if value is not None:
-            setattr(o, attribute, kind(value, name))
+    for name, value in given.items():
+        attribute, kind = NUMBERS[name]
+        setattr(o, attribute, kind(value, name))
     _select_states(o, scene, states)
     return o
 
@@ -302,7 +294,7 @@ def _components(states: Any, names: list[str]) -> list[int]:
     for state in wanted:
         found = known.get(state) if isinstance(state, str) else state
         try:
-            components.append(operator.index(found))
+            components.append(operator.index(found))  # type: ignore[arg-type]
         except TypeError:
             remedy = f"give indices from 0, or names: {', '.join(names)}" if names else "give indices from 0"
             raise Error(f"states: found {state!r}{suggestion(str(state), names)}; {remedy}", "states") from None

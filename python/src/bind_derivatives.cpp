@@ -8,6 +8,7 @@
 #include "sources.hpp"
 
 #include <nanobind/stl/optional.h>
+#include <nanobind/stl/shared_ptr.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
@@ -111,6 +112,7 @@ class ByParameters {
     return derivative_->vjp(c);
   }
   const ParameterDerivative& derivative() const { return *derivative_; }
+  const ResultDerivative& of_result() const { return derivative_->of_data(); }
   Index states() const { return model_->scene.states(); }
 
  private:
@@ -203,17 +205,23 @@ nb::object times_of_switches(const ResultDerivative& d) {
   return d.switched() ? nb::cast(d.switched()->switches()) : nb::none();
 }
 
+/// What a derivative has of that of the result, with respect to data or to parameters.
+template <class D>
+nb::class_<D> bind_result_derivative(nb::module_& m, const char* name) {
+  return nb::class_<D>(m, name)
+      .def_prop_ro("margin", [](const D& d) { return margin_of(d.of_result()); })
+      .def_prop_ro("form", [](const D& d) { return to_string(d.of_result().form()); })
+      .def_prop_ro("switches", [](const D& d) { return times_of_switches(d.of_result()); })
+      .def_prop_ro("states", &D::states);
+}
+
 void bind_parameters(nb::module_& m) {
-  nb::class_<ByParameters>(m, "ParameterDerivative")
+  bind_result_derivative<ByParameters>(m, "ParameterDerivative")
       .def(nb::init<const Answer&, const std::vector<std::string>&, const std::vector<double>&, const nb::callable&,
                     std::optional<bool>>(),
            nb::arg("answer"), nb::arg("names"), nb::arg("values"), nb::arg("scene_of"), nb::arg("located").none())
-      .def_prop_ro("margin", [](const ByParameters& d) { return margin_of(d.derivative().of_data()); })
-      .def_prop_ro("form", [](const ByParameters& d) { return to_string(d.derivative().of_data().form()); })
       .def_prop_ro("words", [](const ByParameters& d) { return d.derivative().in_words(); })
-      .def_prop_ro("switches", [](const ByParameters& d) { return times_of_switches(d.derivative().of_data()); })
       .def_prop_ro("one_sided", [](const ByParameters& d) { return d.derivative().one_sided(); })
-      .def_prop_ro("states", &ByParameters::states)
       .def(
           "jvp",
           [](const ByParameters& d, const Array1& by, bool states) { return tables_of(d.jvp(as_vector(by), states)); },
@@ -233,13 +241,9 @@ void bind_parameters(nb::module_& m) {
 }  // namespace
 
 void bind_derivatives(nb::module_& m) {
-  nb::class_<AnyDerivative>(m, "Derivative")
+  bind_result_derivative<AnyDerivative>(m, "Derivative")
       .def(nb::init<const Answer&, std::optional<bool>, bool>(), nb::arg("answer"), nb::arg("located").none(),
            nb::arg("all_times"))
-      .def_prop_ro("margin", [](const AnyDerivative& d) { return margin_of(d.of_result()); })
-      .def_prop_ro("form", [](const AnyDerivative& d) { return to_string(d.of_result().form()); })
-      .def_prop_ro("states", &AnyDerivative::states)
-      .def_prop_ro("switches", [](const AnyDerivative& d) { return times_of_switches(d.of_result()); })
       .def_prop_ro(
           "one_sided",
           [](const AnyDerivative& d) { return d.switched() ? d.switched()->one_sided() : std::vector<Index>(); })

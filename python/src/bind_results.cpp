@@ -39,6 +39,14 @@ std::shared_ptr<Answer> at(const Answer& answer, const std::vector<double>& time
   });
 }
 
+nb::list in_list(const std::vector<Switch>& found, const std::vector<Index>& free) {
+  nb::list all;
+  for (const Switch& s : found)  // y of free rows has a sign but no switches
+    if (!std::binary_search(free.begin(), free.end(), s.component))
+      all.append(nb::make_tuple(s.t, s.component, s.on, s.error));
+  return all;
+}
+
 nb::list switches_of(const Answer& answer, bool with_errors) {
   std::vector<Switch> found = [&] {
     const nb::gil_scoped_release unlocked;
@@ -46,12 +54,17 @@ nb::list switches_of(const Answer& answer, bool with_errors) {
     const std::lock_guard lock(answer.machine->busy);
     return switches_with_errors(answer.model->scene, *answer.machine->backend, answer.options, answer.result);
   }();
-  const std::vector<Index>& free = answer.model->scene.free_rows;  // their y has a sign but no switches
-  nb::list all;
-  for (const Switch& s : found)
-    if (!std::binary_search(free.begin(), free.end(), s.component))
-      all.append(nb::make_tuple(s.t, s.component, s.on, s.error));
-  return all;
+  return in_list(found, answer.model->scene.free_rows);
+}
+
+/// Of rows without the rest of a result. `lines`: y is linear between rows of equal distance; otherwise only the step
+/// is known.
+nb::list switches_of_rows(const Array1& t, const Array2& y, bool lines, const std::vector<Index>& free) {
+  Result rows;
+  rows.t = as_vector(t);
+  rows.y = as_matrix(y);
+  if (!lines) rows.goal = std::make_shared<const GoalReport>();
+  return in_list(switches(rows), free);
 }
 
 nb::dict seconds_of(const Answer& answer) {
@@ -162,6 +175,7 @@ void bind_results(nb::module_& m) {
       .def_ro("by_keyboard", &Answer::by_keyboard)
       .def("at", &at, nb::arg("times"))
       .def("switches", &switches_of, nb::arg("with_errors"));
+  m.def("switches_of_rows", &switches_of_rows, nb::arg("t"), nb::arg("y"), nb::arg("lines"), nb::arg("free"));
 }
 
 }  // namespace bromwich::python

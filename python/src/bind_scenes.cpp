@@ -1,5 +1,6 @@
 // Scenes: put together piece by piece by the Python layer, read from files, or built in.
 
+#include "app/result_output.hpp"
 #include "arrays.hpp"
 #include "core/base/error.hpp"
 #include "core/dynamics/rectangle.hpp"
@@ -100,6 +101,7 @@ nb::tuple read_scene(const std::string& file, const ParameterValues& settings) {
     return read_scene_file(std::filesystem::path(file), settings);
   }();
   const auto model = std::make_shared<Model>(std::move(read.scene), read.quantity);
+  model->rectangle = std::move(read.rectangle);
   nb::dict facts;
   facts["description"] = read.description;
   facts["parameters"] = read.parameters;
@@ -169,6 +171,13 @@ void bind_dynamics(Bound& model) {
             s.scene.dynamics = SparseDynamics{matrix(A), matrix(B), matrix(N), matrix_or_empty(E)};
           },
           nb::arg("A"), nb::arg("B"), nb::arg("N"), nb::arg("E").none())
+      .def_prop_ro("grid",
+                   [](const Model& s) -> nb::object {
+                     const auto g = app::field_grid(s.scene, s.rectangle);
+                     if (!g) return nb::none();
+                     return nb::make_tuple(g->along, g->across, g->along_spacing, g->across_spacing, g->along_first,
+                                           g->across_first);
+                   })
       .def(
           "set_kronecker",
           [](Model& s, const Difference& along, const Difference& across, const Array1& b, const Array1& n,
@@ -196,7 +205,8 @@ void bind_dynamics(Bound& model) {
                 .written_out = written_out,
             };
             for (const Line& line : beside) rectangle.beside.push_back(std::make_from_tuple<GridLine>(line));
-            s.scene.dynamics = std::move(rectangle);
+            s.scene.dynamics = rectangle;
+            s.rectangle = std::move(rectangle);
           },
           nb::arg("along"), nb::arg("across"), nb::arg("reaction"), nb::arg("b"), nb::arg("n"), nb::arg("far_b"),
           nb::arg("far_n"), nb::arg("beside"), nb::arg("written_out"))

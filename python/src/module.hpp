@@ -2,6 +2,7 @@
 // The parts of the extension module.
 
 #include "callable.hpp"
+#include "core/dynamics/rectangle.hpp"
 #include "core/goal/goal.hpp"
 #include "core/scene/scene.hpp"
 
@@ -9,6 +10,7 @@
 
 #include <functional>
 #include <memory>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -25,6 +27,7 @@ struct Model : std::enable_shared_from_this<Model> {
 
   Scene scene;
   std::shared_ptr<const QuantityOfInterest> quantity = {};  ///< of method goal, where a file states one
+  std::optional<Rectangle> rectangle = {};                  ///< whose points the states are, if it is known
   /// What its functions call, for the collector of cycles: an object whose method is a source, and which has the scene.
   std::vector<Kept> callables = {};
   /// Before a solve: a function of Python may have changed since the last one.
@@ -44,6 +47,7 @@ void bind_nonlinear(nb::module_& m);
 void bind_sources(nb::module_& m);
 void bind_scenes(nb::module_& m);
 void bind_ranks(nb::module_& m);
+void bind_report(nb::module_& m);
 void bind_results(nb::module_& m);
 void bind_scene_arrays(nb::module_& m);
 void bind_solving(nb::module_& m);

@@ -7,7 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-EVERYWHERE = re.compile(r"^(ld-linux.*|libc|libdl|libgcc_s|libm|libpthread|librt|libstdc\+\+)\.so[.\d]*$")
+EVERYWHERE = re.compile(r"^(ld-linux.*|libc|libdl|libgcc_s|libm|libpthread|librt|libstdc\+\+|libz)\.so[.\d]*$")
 OF_CUDA = re.compile(r"^lib(cuda|cudart|cublas|cublasLt|cufft)\.so[.\d]*$")
 
 

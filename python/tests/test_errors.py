@@ -276,7 +276,7 @@ def test_stop(Q15):
     assert r.status == "interrupted"
 
 
-def test_ctrl_c_keeps_what_is_valid(diode):
+def test_ctrl_c_keeps_what_is_valid(diode, ctrl_c):
     scene, options = long_solve(diode)
     main = threading.main_thread().ident
     timer = threading.Timer(0.5, lambda: signal.pthread_kill(main, signal.SIGINT))

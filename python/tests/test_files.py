@@ -116,7 +116,7 @@ def test_both_write_one_layout(result, written, tmp_path):
     other, facts = layout(written / "r.h5")
     assert mine == other
     assert my_facts <= facts
-    assert facts - my_facts == {"T", "bromwich_commit", "command", "options", "parameters", "run", "summary", "threads"}
+    assert facts - my_facts == {"command", "run"}
     if (written / "r.npz").exists():
         result.save(tmp_path / "r.npz")
         with np.load(tmp_path / "r.npz") as a, np.load(written / "r.npz") as b:
@@ -154,11 +154,63 @@ def test_saved_results_are_results(result, tmp_path):
     assert between.t.tolist() == [0.1234, 0.5]
     assert between.y[0, 0] == np.interp(0.1234, result.t, result.y[:, 0])
     assert repr(read) == f"<bromwich.Result solved by {result.method}, residual {result.residual:.1e}, 201 rows up to t = 2>"
-    for missing in (lambda: read.switches, lambda: read.y_integral, lambda: read.at(7.0)):
+    for missing in (lambda: read.switches_with_errors(), lambda: read.y_integral, lambda: read.at(7.0)):
         with pytest.raises(bromwich.Error):
             missing()
     pytest.importorskip("xarray")
     assert read.to_xarray()["y"].dims == ("t", "constraint")
+
+
+@pytest.mark.parametrize("extension", ["npz", "h5", "csv"])
+def test_switches_come_from_the_rows(result, tmp_path, extension):
+    if extension == "h5":
+        pytest.importorskip("h5py")
+    result.save(tmp_path / f"r.{extension}")
+    found = bromwich.load(tmp_path / f"r.{extension}")
+    assert len(found.switches) == 2 and found.switches == result.switches
+    with pytest.raises(bromwich.Error, match="needs the scene"):
+        found.switches_with_errors()
+    # Rows at uneven distances: the rows beside the switch at 0.9452, and half their distance.
+    bromwich.load(tmp_path / f"r.{extension}").at([0.3, 0.9, 1.1]).save(tmp_path / "uneven.npz")
+    (switch,) = bromwich.load(tmp_path / "uneven.npz").switches
+    assert not switch.on and (switch.t, switch.error) == pytest.approx((1.0, 0.1))
+
+
+def test_free_rows_of_a_file_have_no_switches(tmp_path):
+    mixed = bromwich.solve(A=-1, B=[[1, 1]], N=[[1], [1]], M=np.eye(2), x0=0, T=1, free=[1], g=lambda t: [-np.sin(9 * t), np.sin(7 * t)])
+    assert any(np.diff(np.sign(mixed.y[1:, 1]))) and {s.component for s in mixed.switches} == {0}
+    mixed.save(tmp_path / "m.npz")
+    assert bromwich.load(tmp_path / "m.npz").switches == mixed.switches
+
+
+@pytest.mark.parametrize("source", ["solve", "npz", "h5", "csv"])
+def test_report(diode, tmp_path, source):
+    result = bromwich.solve(bromwich.Scene(**diode, g="-sin(w*t)", parameters={"w": 3}, name="gate", names={"x": ["v"], "y": ["i_D"]},
+                                           units={"t": "s", "y": "A"}), tol=1e-5)
+    if source != "solve":
+        if source == "h5":
+            pytest.importorskip("h5py")
+        result.save(tmp_path / f"r.{source}")
+        result = bromwich.load(tmp_path / f"r.{source}")
+    result.report(tmp_path / "r.html")
+    page = (tmp_path / "r.html").read_text(encoding="utf-8")
+    assert page.startswith("<!DOCTYPE html>") and page.count("<svg") >= 2 and "http" not in page.replace("http://www.w3.org", "")
+    if source != "csv":
+        for words in ("gate", "i_D", "[A]", "w = 3", "error", f"{result.steps} "):
+            assert words in page, words
+    with pytest.raises(bromwich.Error, match="path"):
+        result.report(tmp_path / "r.pdf")
+
+
+def test_report_of_values_at_other_times(result, tmp_path):
+    result.at([0.1, 0.7]).report(tmp_path / "at.html")
+    assert "<svg" in (tmp_path / "at.html").read_text(encoding="utf-8")
+    result.save(tmp_path / "r.npz")
+    between = bromwich.load(tmp_path / "r.npz").at([0.1, 0.7])
+    between.save(tmp_path / "between.npz")
+    assert len(bromwich.load(tmp_path / "between.npz").t) == 2
+    with pytest.raises(bromwich.Error, match="between those of a file"):
+        between.report(tmp_path / "no.html")
 
 
 @pytest.mark.parametrize("extension", ["npz", "h5", "csv"])

@@ -145,3 +145,18 @@ def test_of_the_width_of_a_pulse():
     d = bromwich.solve(scene, steps=100).derivative(parameters=["p"])
     assert d.located
     np.testing.assert_allclose(d.jvp(p=1).x[-1, 0], np.exp(0.503 - 2), rtol=1e-8)
+
+
+def test_of_a_relay():
+    """x' = -x + l + sin(w t) slides on x = e until it leaves; e moves with w."""
+    make = lambda w: bromwich.Scene.relay(
+        A=-1.0, B=1.0, C=1.0, x0=0.8, T=2, f="2*sin(w*t)", e="0.2*cos(w*t)", parameters={"w": w}, names={"x": ["v"]}, steps=400
+    )
+    assert make(3).names["x"] == ["v"] and make(3).parameters == {"w": 3.0}
+    result = bromwich.solve(make(3), tol=1e-9)
+    d = result.derivative(parameters=["w"])
+    by = 1e-5
+    up, down = (bromwich.solve(make(3 + s * by), tol=1e-9).at(result.t) for s in (1, -1))
+    change, difference = d.jvp(w=1.0).x[:, 0], (up.x[:, 0] - down.x[:, 0]) / (2 * by)
+    away = np.array([all(abs(t - s) > 1e-3 for s in d.switches) for t in result.t])
+    np.testing.assert_allclose(change[away], difference[away], atol=1e-5)

@@ -45,6 +45,9 @@ def scenes():
         "supplied": lambda: bromwich.Scene(dynamics=supplied, M=1, x0=0, T=2, g=source, steps=50),
         "catalogue": lambda: bromwich.scene("signorini", Q=9),
         "relay": lambda: bromwich.Scene.relay(A=[[-1.0]], B=[1.0], C=[[1.0]], x0=[0.5], T=1, steps=50),
+        "relay with e": lambda: bromwich.Scene.relay(
+            A=[[-1.0]], B=[1.0], C=[[1.0]], x0=[0.5], T=1, e="0.3*sin(w*t)", parameters={"w": 3}, names={"x": ["v"]}, steps=50
+        ),
     }
 
 

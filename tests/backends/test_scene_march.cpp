@@ -5,6 +5,7 @@
 #include "core/catalogue/catalogue.hpp"
 #include "core/solve/solve.hpp"
 #include "tests/support/backends.hpp"
+#include "tests/support/batches.hpp"
 #include "tests/support/oracle.hpp"
 #include "tests/support/run.hpp"
 
@@ -51,18 +52,6 @@ Scene drawn(Index m, Index n, unsigned seed) {
   return scene;
 }
 
-// Four ideal diodes between a resonator and a resistor: M is semidefinite, steps are those of Radau IIA.
-Scene diode_bridge() {
-  Scene scene;
-  scene.dynamics = DenseDynamics{Matrix{{0, -1e6}, {1e2, 0}}, Matrix{{0, 0, -1e6, 1e6}, {0, 0, 0, 0}},
-                                 Matrix{{0, 0}, {0, 0}, {-1, 0}, {1, 0}}};
-  scene.M = Matrix{{1e-3, 1e-3, -1, 0}, {1e-3, 1e-3, 0, -1}, {1, 0, 0, 0}, {0, 1, 0, 0}};
-  scene.lcp_class = LcpClass::PSD;
-  scene.x0 = Vector{{10, 0}};
-  scene.T = 1e-3;
-  return scene;
-}
-
 double apart(const RowMatrix& a, const RowMatrix& b) {
   if (a.rows() != b.rows() || a.cols() != b.cols()) return INFINITY;
   if (!b.allFinite()) return (a.array().isNaN() == b.array().isNaN()).all() ? 0 : INFINITY;
@@ -98,7 +87,9 @@ TEST_P(BackendScenes, AreSteppedAsTheyAreAlone) {
     EXPECT_GE(2 * expect_as_single(around(drawn(m, n, unsigned(m)), 0.5), *backend, 100, "drawn"), scenes)
         << m << " " << n;
   EXPECT_EQ(expect_as_single(around(make_scene("dlcp-small", {}), 0.003), *backend, 128, "dlcp-small"), scenes);
-  EXPECT_GE(2 * expect_as_single(around(diode_bridge(), 0.3), *backend, 200, "diode bridge"), scenes);
+  Scene bridge = batch_test::diode_bridge();
+  bridge.T = 1e-3;
+  EXPECT_GE(2 * expect_as_single(around(bridge, 0.3), *backend, 200, "diode bridge"), scenes);
 }
 
 TEST_P(BackendScenes, AgreeWithTheDenseOracle) {
