@@ -22,7 +22,7 @@ namespace bromwich {
 
 namespace {
 
-class CpuBackend final : public Backend, public SharedMemory, public LinearMarches {
+class CpuBackend final : public Backend, public SharedMemory {
  public:
   explicit CpuBackend(int threads) : Backend("cpu", cpu_traits()), threads_(threads) {
     fused_.upload_product = [this](const RowMatrix& amplitudes, const Matrix& shapes, Array& to) {
@@ -49,6 +49,9 @@ class CpuBackend final : public Backend, public SharedMemory, public LinearMarch
     };
     fused_.face_transform = [this](const FaceBasis& basis, Index rows, Way way) {
       return cpu::make_face_transform(basis, rows, way, threads_);
+    };
+    fused_.linear_march = [this](const MarchProblem& problem, Index rows, const LinearStep& step) {
+      return cpu::make_march(problem, rows, threads_, step);
     };
     fused_.projected_sweeps = [this](const ProjectedSweeps& sweeps, Index rows) {
       return cpu::make_projected_sweeps(sweeps, rows, threads_);
@@ -102,9 +105,6 @@ class CpuBackend final : public Backend, public SharedMemory, public LinearMarch
   }
   std::unique_ptr<March> march(const MarchProblem& problem, Index rows) override {
     return cpu::make_march(problem, rows, threads_);
-  }
-  std::unique_ptr<March> linear_march(const MarchProblem& problem, Index rows, const LinearStep& step) override {
-    return cpu::make_march(problem, rows, threads_, step);
   }
 
   // SharedMemory

@@ -88,8 +88,8 @@ void HeldSets::use(Method method) {
 
 // Null where the backend takes no linear steps, or where factors of all sets are too expensive.
 bool HeldSets::use_linear_march() {
-  auto* const marches = dynamic_cast<LinearMarches*>(&problem_.backend);
-  if (!marches || pole_recurrence_of(*weights_) || (!factors_ && !make_factors())) return false;
+  const auto& linear_march = problem_.backend.fused().linear_march;
+  if (!linear_march || pole_recurrence_of(*weights_) || (!factors_ && !make_factors())) return false;
   r_ = problem_.backend.array(problem_.J + 1, active_.cols());
   MarchProblem given;
   given.M = &scene_.M;
@@ -98,13 +98,12 @@ bool HeldSets::use_linear_march() {
   given.r = r_.get();
   const SetFactors& factors = *factors_;
   if (transposes_)
-    march_ =
-        marches->linear_march(given, problem_.J + 1, [&factors, J = problem_.J](Index j, const Vector& q, Vector& y) {
-          factors.responses.solve_transposed(factors.sets[std::size_t(J + 1 - j)], q, y);
-          y = -y;
-        });
+    march_ = linear_march(given, problem_.J + 1, [&factors, J = problem_.J](Index j, const Vector& q, Vector& y) {
+      factors.responses.solve_transposed(factors.sets[std::size_t(J + 1 - j)], q, y);
+      y = -y;
+    });
   else
-    march_ = marches->linear_march(given, problem_.J + 1, [&factors](Index j, const Vector& q, Vector& y) {
+    march_ = linear_march(given, problem_.J + 1, [&factors](Index j, const Vector& q, Vector& y) {
       factors.responses.solve(factors.sets[std::size_t(j)], q, y);
     });
   return true;

@@ -54,7 +54,7 @@ RowMatrix in_reversed_time(double c, const RowMatrix& u) {
 
 bool steps_in_modes(const Scene& scene, Method method, Backend& backend) {
   const KroneckerDynamics* d = scene.dynamics->modes();
-  return d && !d->both_faces && method == Method::march && dynamic_cast<LinearMarches*>(&backend);
+  return d && !d->both_faces && method == Method::march && backend.fused().linear_march;
 }
 
 }  // namespace

@@ -4,6 +4,7 @@
 #include "../host/affine_chain.hpp"
 #include "../host/step_chain.hpp"
 #include "array.hpp"
+#include "linear_march.hpp"
 #include "recurrence.hpp"
 #include "slab_operations.hpp"
 
@@ -13,6 +14,8 @@
 
 namespace bromwich {
 
+class March;
+struct MarchProblem;
 class SceneArrays;
 struct SceneArraysProblem;
 class SceneMarch;
@@ -42,6 +45,8 @@ struct FusedOperations {
   std::function<std::unique_ptr<SceneMarch>(const SceneMarchProblem&, Index scenes)> scene_march;
   /// Solutions and derivatives of scenes whose tables are arrays of the backend (scene_arrays.hpp). Likewise.
   std::function<std::unique_ptr<SceneArrays>(const SceneArraysProblem&, Index scenes)> scene_arrays;
+  /// Like Backend::march. The class of M is not used.
+  std::function<std::unique_ptr<March>(const MarchProblem&, Index rows, const LinearStep&)> linear_march;
   SlabOperations slabs;
 };
 

@@ -178,26 +178,26 @@ void Methods::march_by_weights(const InnerOptions& options, Result& result) {
 
 // Where x0 violates the constraints y_0 answers it, and dynamics that decide y let it vanish within a step. As a line
 // over the first step it then moves the state by a multiple of what y does. This is the part of the integral of y that
-// such a line may add; of few steps the first is no small part in any case. Small states have rules that see it in
-// their matrices.
+// such a line may add; of few steps the first is no small part in any case. A march of small states has rules that see
+// it in their matrices.
 double Methods::surplus_of_start(Method method, const Result& result) const {
   constexpr Index fewest_steps = 16;
   if (problem_.J < fewest_steps) return 0;
-  if (problem_.small_state() || by_euler(method, result) || !result.continuous || result.y.rows() < 2) return 0;
+  if (problem_.small_state() && method != Method::contour && method != Method::multigrid) return 0;
+  if (by_euler(method, result) || !result.continuous || result.y.rows() < 2) return 0;
   if (result.status != Status::solved || !(problem_.start.array() < 0).any()) return 0;
   const double fall = (result.y.row(0) - result.y.row(1)).maxCoeff(),
                whole = integral_of_y(result).cwiseAbs().maxCoeff();
   return whole > 0 ? 0.5 * problem_.h * fall / whole : 0;
 }
 
-// Other methods than march are not replaced.
+// Other methods than march are not replaced by another one.
 void Methods::judge_start(Method method, Result& result) const {
   const double surplus = surplus_of_start(method, result);
   if (surplus <= told_surplus) return;
   const std::string why = text(
       "x0 violates the constraints, and y falls from its first value within a step, whose line adds up to %.0f %% of "
-      "the "
-      "integral of y: use more steps",
+      "the integral of y: use more steps",
       100 * surplus);
   if (surplus <= most_surplus) return add_warning(result, why);
   result.status = Status::tolerance_not_met;
