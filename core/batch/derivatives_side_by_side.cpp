@@ -246,13 +246,14 @@ void DerivativesSideBySide::vjp(const std::vector<SolutionChange>& functions, st
   RowMatrix of_x0, of_f, of_g, sums;
   backend_.download(*x0, of_x0), backend_.download(*f, of_f);
   backend_.download(*g, of_g), backend_.download(*matrices, sums);
+  struct {
+    RowMatrix x0, y;
+  } start;  // where a gradient is one-sided
+  if (std::count(decided.begin(), decided.end(), char(0)) > 0)
+    backend_.download(*x0_, start.x0), backend_.download(*y_, start.y);
   for (Index i = 0; i < K; ++i) {
     const std::size_t k = std::size_t(scenes_[std::size_t(i)]);
     if (place_[k] < 0) continue;
-    if (!decided[std::size_t(i)]) {
-      reason[k] = one_sided;
-      continue;
-    }
     const double* const of = sums.row(i).data();
     const auto matrix = [&](Index first, Index rows, Index cols) {
       return Matrix(Eigen::Map<const RowMatrix>(of + first, rows, cols));
@@ -264,6 +265,7 @@ void DerivativesSideBySide::vjp(const std::vector<SolutionChange>& functions, st
              matrix(at.B(), m, n),
              matrix(at.N(), n, m),
              matrix(at.M(), n, n)};
+    if (!decided[std::size_t(i)]) leave_out_start(to[k], start.x0.row(i).transpose(), start.y.row(i * rows()));
   }
 }
 

@@ -27,6 +27,26 @@ bool is_infeasible_at_zero(const DiscreteProblem& p) {
          has_no_feasible_point(to_dense(p.scene.M), without_rounding(p));
 }
 
+SparseMatrix sparse_form(const LcpMatrix& M) {
+  const auto* sparse = sparse_of(M);
+  return sparse ? *sparse : SparseMatrix(to_dense(M).sparseView(0, 0));
+}
+
+Vector row_sums(const SparseMatrix& matrix) { return matrix.cwiseAbs() * Vector::Ones(matrix.cols()); }
+
+// A constraint with w_i(0) < 0 that no impulse of y moves, since its rows of M and of N B are zero: a body below a
+// rigid floor, whose impulses move the velocity alone. -1: none, or not known.
+Index held_below(const DiscreteProblem& p) {
+  const Vector start = without_rounding(p);
+  if (p.scene.dynamics->has_mass() || !(start.array() < 0).any()) return -1;
+  const SparseMatrix N = p.scene.dynamics->outputs(), B = p.scene.dynamics->inputs();
+  const Vector of_M = row_sums(sparse_form(p.scene.M)), of_NB = row_sums(N * B), terms = N.cwiseAbs() * row_sums(B);
+  const double share = 4 * double(p.scene.states() + 1) * epsilon;
+  for (Index i = 0; i < start.size(); ++i)
+    if (start[i] < 0 && of_M[i] == 0 && of_NB[i] <= share * terms[i]) return i;
+  return -1;
+}
+
 }  // namespace
 
 Start solve_at_zero(const DiscreteProblem& p, Result& result) {
@@ -65,7 +85,17 @@ Start ProblemAtZero::solve(Result& result, Vector& y0) const {
     ++result.lcp.solved;
     return Start::found;
   }
-  if (report.finite && may_have_impulse(p_)) return Start::impulse;
+  const bool impulses = report.finite && may_have_impulse(p_);
+  if (const Index i = impulses ? held_below(p_) : -1; i >= 0) {
+    result.status = Status::infeasible;
+    result.reason = text(
+        "no solution at t = 0: w_%td < 0, and no impulse of y moves it, since its rows of M and of N B "
+        "are zero",
+        i);
+    result.infeasible_at = 0;
+    return Start::none;
+  }
+  if (impulses) return Start::impulse;
   const bool infeasible = report.infeasible == 0 || (report.finite && is_infeasible_at_zero(p_));
   result.status = infeasible ? Status::infeasible : Status::tolerance_not_met;
   result.reason = infeasible ? "no solution at t = 0" : "the problem at t = 0 stayed unsolved";
@@ -88,8 +118,7 @@ std::string idle_constraint(const DiscreteProblem& p) {
   };
   add(p.scene.dynamics->outputs(), &seen, nullptr);
   add(p.scene.dynamics->inputs(), nullptr, &driven);
-  const auto* sparse = sparse_of(p.scene.M);
-  add(sparse ? *sparse : SparseMatrix(to_dense(p.scene.M).sparseView(0, 0)), &seen, &driven);
+  add(sparse_form(p.scene.M), &seen, &driven);
   for (Index i = 0; i < n; ++i) {
     if (seen[i] == 0) return text("row %td of N and of M is zero, so that w is g there, whatever y is", i);
     if (driven[i] == 0) return text("column %td of B and of M is zero, so that y moves nothing there", i);

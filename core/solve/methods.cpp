@@ -178,13 +178,12 @@ void Methods::march_by_weights(const InnerOptions& options, Result& result) {
 
 // Where x0 violates the constraints y_0 answers it, and dynamics that decide y let it vanish within a step. As a line
 // over the first step it then moves the state by a multiple of what y does. This is the part of the integral of y that
-// such a line may add; of few steps the first is no small part in any case. A march of small states has rules that see
-// it in their matrices.
+// such a line may add; of few steps the first is no small part in any case. Small states have rules that see it in
+// their matrices.
 double Methods::surplus_of_start(Method method, const Result& result) const {
   constexpr Index fewest_steps = 16;
   if (problem_.J < fewest_steps) return 0;
-  if (problem_.small_state() && method != Method::contour && method != Method::multigrid) return 0;
-  if (by_euler(method, result) || !result.continuous || result.y.rows() < 2) return 0;
+  if (problem_.small_state() || by_euler(method, result) || !result.continuous || result.y.rows() < 2) return 0;
   if (result.status != Status::solved || !(problem_.start.array() < 0).any()) return 0;
   const double fall = (result.y.row(0) - result.y.row(1)).maxCoeff(),
                whole = integral_of_y(result).cwiseAbs().maxCoeff();

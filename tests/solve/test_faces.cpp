@@ -254,7 +254,7 @@ TEST_P(Faces, SweepsOfFewFacesAreThoseOfMany) {
       const auto solved = [&](Index rows) {
         const auto r = device(q.replicate(rows / few, 1)), v = device(RowMatrix::Zero(rows, n));
         const auto y = device(start.replicate(rows / few, 1));
-        const auto batch = backend->projected_sweeps({&M, -0.3, 1.4, count, s.extents}, LcpClass::P, rows);
+        const auto batch = backend->projected_sweeps({&M, -0.3, 1.4, int(count), s.extents}, LcpClass::P, rows);
         LcpReport report;
         for (int k = 0; k < 3; ++k) report = batch->solve(*r, *v, *y, 0);
         return std::pair(host(*y), report.change);

@@ -213,6 +213,23 @@ TEST(Status, InfeasibleAtTheStartWithMOfNoClass) {
   }
 }
 
+// A body below a rigid floor: impulses move its velocity, not its place. On the floor and moving down it is stopped.
+TEST(Status, InfeasibleWhereNoImpulseMovesTheState) {
+  Scene scene;
+  scene.dynamics = DenseDynamics{Matrix{{0, 1}, {-4, 0}}, Matrix{{0}, {1}}, Matrix{{1, 0}}};
+  scene.M = Matrix{{0}};
+  scene.T = 1;
+  for (const Method method : {Method::automatic, Method::march, Method::euler}) {
+    scene.x0 = Vector{{-1, 0}};
+    const Result below = run(scene, options_for(method, J));
+    EXPECT_EQ(below.status, Status::infeasible) << to_string(method) << ": " << below.reason;
+    EXPECT_EQ(below.infeasible_at.value_or(-1), 0) << to_string(method);
+    scene.x0 = Vector{{0, -1}};
+    const Result on_the_floor = run(scene, options_for(method, J));
+    EXPECT_EQ(on_the_floor.status, Status::solved) << to_string(method) << ": " << on_the_floor.reason;
+  }
+}
+
 TEST(Status, SourcesThatStopBeingFinite) {
   for (const bool in_f : {true, false}) {
     Scene scene = some_scene();
