@@ -274,10 +274,11 @@ def fields_peers(data):
         time, stopped = row["seconds"], row["status"].startswith("stopped")
         march = time["median"] if row["contestant"] == "bromwich march" else march
         errors = [number(row[name]) if row[name] is not None else "as above" for name in ("error_w_max", "error_y_mean")]
+        memory = row.get("peak_bytes") or row.get("bytes")
         lines.append(
             f"| {row['states']} | {row['parameters']['compliance']:g} | {row['contestant']} | {row['steps']} | {errors[0]} | "
             f"{errors[1]} | {seconds(time['setup'])} | {'about ' if stopped else ''}{seconds(time['median'])} | "
-            f"{seconds(time['min'])} to {seconds(time['max'])} | {time['median'] / march:.1f} | {(row.get('peak_bytes') or row['bytes']) / 1e6:.0f} MB |"
+            f"{seconds(time['min'])} to {seconds(time['max'])} | {time['median'] / march:.1f} | {f'{memory / 1e6:.0f} MB' if memory else ''} |"
         )
     for found in data["factors"]:
         node, eigen, cholmod = found["node"], found["eigen"], found["cholmod"]
@@ -286,7 +287,7 @@ def fields_peers(data):
                   f"{seconds(eigen['factorization'])}, CHOLMOD {seconds(cholmod['factorization'])}. One solve takes {seconds(eigen['solve'])} and "
                   f"{seconds(cholmod['solve'])}."]
     stopped = any(row["status"].startswith("stopped") for row in data["rows"])
-    about = "\"About\": PETSc was stopped, and its time is that of all steps at the pace of those done. " if stopped else ""
+    about = "\"About\": a program was stopped, and its time is that of all steps at the pace of those done. " if stopped else ""
     about += "Memory of march and PETSc: of the process with Python; of the Euler: as it counts it. "
     return lines + ["", f"{about}{machine(data)}, {data['repeats']} rounds."]
 

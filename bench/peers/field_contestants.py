@@ -76,12 +76,13 @@ class Petsc:
 
 class Siconos:
     """EulerMoreauOSI, theta = 1, sparse storage, factorised once, Lemke's method for the LCP of a step
-    (bench/peers/siconos_loop.cpp). Its file has f at all steps and states, so that a large field is stepped through the first
-    `most` / m steps alone. Its time is that of all steps, at the pace of those done. The first step has the factorization
-    and the matrix of the LCP, and counts as set-up."""
+    (bench/peers/siconos_loop.cpp). Dense storage is slower: 4.2 s a step at 10^4 states. The file has f at all steps and
+    states, so that a large field is stepped through the first `most` / m steps alone. The time is that of all steps, at the
+    pace of those done. The first step has the factorization and the matrix of the LCP, and counts as set-up."""
 
     name, scheme, threads = "Siconos", "implicit Euler", 1
     most = 40_000_000  # values of f
+    largest = 100  # cells of a side
 
     def __init__(self, field, folder, program, limit):
         self.field, self.folder, self.program, self.limit = field, pathlib.Path(folder), program, limit
