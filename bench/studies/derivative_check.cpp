@@ -240,6 +240,8 @@ void check_located(const Scene& scene, Drawing& draw, DerivativeCheck& check) {
           best = std::min(best, located_error(d, out, c, step));
         } catch (const Error&) {
         }  // the changed scene has no derivative: a smaller step
+      if (!std::isfinite(best))
+        throw Error("differences", "other switches with every change, so that none compares", "");
       check.error[c.name] = best;
       check_identity(out, c, vjp, d.one_sided(), draw, check);
     } catch (const Error& refusal) {

@@ -21,9 +21,23 @@ JetValues back(const Jet& c, const Vector& v) {
 }  // namespace
 
 // Constraints on the state that are derivatives of w (a rigid contact) need N B = 0 there; changes have to keep it.
+// Where y is not unique, the change of x must not depend on the one that is taken.
+void SwitchedTape::check_ambiguities(const DataChange& c) const {
+  const auto moves = [](const Matrix& change, const Matrix& by) {
+    if (change.size() == 0 || by.cols() == 0) return false;
+    return ((change * by).cwiseAbs() - 1e-9 * change.cwiseAbs() * by.cwiseAbs()).maxCoeff() > 0;
+  };
+  for (const Ambiguity& a : ambiguities_)
+    if (moves(c.B, a.right) || moves(c.M, a.right) || moves(c.M.transpose(), a.left) || moves(c.N.transpose(), a.left))
+      throw Error("derivative",
+                  "not differentiable here: y is not unique, and the change makes x depend on which y it is",
+                  "change equal constraints alike, or leave out one of them");
+}
+
 void SwitchedTape::check_structure(const DataChange& c) const {
   if (c.M.size() > 0 && (c.M.array() != 0).any() && !without_M_.empty())
     throw Error("M", without_M_, "ask for derivatives with respect to other data");
+  check_ambiguities(c);
   if (c.B.size() == 0 && c.N.size() == 0) return;
   for (const auto& [active, mode] : modes_) {
     const Jet& rows = mode.rows.constraints;
@@ -325,6 +339,8 @@ void SwitchedTape::leave_out_conditioned(DataChange& gradient) const {
     gradient.N.resize(0, 0);
   }
   if (conditioned_.rows || !without_M_.empty()) gradient.M.resize(0, 0);
+  if (!ambiguities_.empty())
+    for (Matrix* member : {&gradient.B, &gradient.N, &gradient.M}) member->resize(0, 0);
 }
 
 }  // namespace bromwich

@@ -2,6 +2,8 @@
 
 #include "core/base/text.hpp"
 
+#include <Eigen/LU>
+
 #include <algorithm>
 #include <cmath>
 
@@ -282,6 +284,9 @@ bool SwitchedTape::may_rest(const std::vector<Sample>& run, std::size_t first, s
   const Bounded rows = component(*pieces_[std::size_t(run[first].piece)].mode, i);
   const bool always = rows.vanishes();
   if (!always && !along_some_) return false;
+  std::vector<Index> together = pieces_[std::size_t(run[first].piece)].mode->rows.active;
+  together.push_back(i);
+  find_ambiguity(together);
   if (!always) add_condition(text("y_%ld = w_%ld = 0 from t = %.6g on", long(i), long(i), run[first].t), rows, false);
   for (std::size_t k = first; k < last; ++k)
     if (std::vector<Index>& known = parts_[run[k].part].rests; !always && (known.empty() || known.back() != i))
@@ -325,7 +330,31 @@ void SwitchedTape::measure_run(const std::vector<Sample>& run, bool to_end) {
   }
 }
 
+// v with M_SS v = 0 and B_S v = 0, u with u^T M_SS = 0 and u^T N_S = 0.
+void SwitchedTape::find_ambiguity(const std::vector<Index>& together) {
+  constexpr double zero = 1e-12;
+  if (together.empty()) return;
+  const auto scaled = [](const Matrix& a) -> Matrix {
+    const double size = a.size() > 0 ? a.cwiseAbs().maxCoeff() : 0;
+    return size > 0 ? Matrix(a / size) : a;
+  };
+  const auto kernel = [&](const Matrix& first, const Matrix& second) -> Matrix {
+    Matrix both(first.rows() + second.rows(), first.cols());
+    both << scaled(first), scaled(second);
+    Eigen::FullPivLU<Matrix> lu(both);
+    lu.setThreshold(zero);
+    Matrix all = Matrix::Zero(n_, lu.dimensionOfKernel());
+    if (all.cols() > 0) all(together, Eigen::all) = lu.kernel();
+    return all;
+  };
+  const Matrix M = system_.M(together, together);
+  Ambiguity a{kernel(M, system_.B(Eigen::all, together)),
+              kernel(M.transpose(), system_.N(together, Eigen::all).transpose())};
+  if (a.right.cols() + a.left.cols() > 0) ambiguities_.push_back(std::move(a));
+}
+
 void SwitchedTape::judge_M() {
+  for (const auto& [active, mode] : modes_) find_ambiguity(active);
   for (const auto& [active, mode] : modes_)
     if (mode.rows.constraints.x.rows() > 0 && without_M_.empty())
       without_M_ = "M_SS is singular on an active set, and a change of M can act from one side only";

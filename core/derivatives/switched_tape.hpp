@@ -97,6 +97,11 @@ class SwitchedTape {
   struct State {
     Vector x, integral;
   };
+  // Of the constraints S that are zero together: with v of `right` y + v solves the same problem and moves no state,
+  // and u of `left` is not in any w_S. Both n x k.
+  struct Ambiguity {
+    Matrix right, left;
+  };
 
   // Of the components that are not negative in the mode, relative to their sizes.
   struct Sample {
@@ -134,6 +139,8 @@ class SwitchedTape {
   void check_rest(const Part&, double share, const Sources&, const State&) const;
   double least_beside(const std::vector<Sample>&, std::size_t k, Index i) const;
   void judge_M();
+  void find_ambiguity(const std::vector<Index>& together);
+  void check_ambiguities(const DataChange&) const;
   void check_structure(const DataChange&) const;
 
   const Piece& piece_of(const Part& p) const { return pieces_[std::size_t(p.piece)]; }
@@ -173,6 +180,7 @@ class SwitchedTape {
   std::vector<Index> one_sided_;
   bool along_some_;
   std::string without_M_, only_along_;
+  std::vector<Ambiguity> ambiguities_;
   ConditionedData conditioned_;
 };
 

@@ -433,6 +433,40 @@ Verdict verdict_of(std::uint32_t seed, bool along_some = false) {
 
 // A component that touches zero between the samples of its polynomial. Differences to both sides are 0.44 apart, and
 // the parabola through the samples had a margin of 2.7e-6.
+// Two equal diodes side by side: their currents are not unique, x is. What treats them alike has a derivative, that of
+// one diode with half the resistance of each. With other changes x depends on how they share the current.
+TEST(SwitchedDerivative, WhereYIsNotUniqueAlongChangesThatDoNotTellItApart) {
+  const auto circuit = [](const Matrix& B, const Matrix& N, const Matrix& M) {
+    Scene s;
+    s.dynamics = DenseDynamics{Matrix{{0, -1}, {1, 0}}, B, N};
+    s.M = M;
+    s.lcp_class = LcpClass::PSD;
+    s.x0 = Vector{{1, 0}};
+    s.T = 4;
+    return s;
+  };
+  const Scene two = circuit(Matrix{{-1, -1}, {0, 0}}, Matrix{{-1, 0}, {-1, 0}}, Matrix{{0.5, 0.5}, {0.5, 0.5}});
+  const Scene one = circuit(Matrix{{-1}, {0}}, Matrix{{-1, 0}}, Matrix{{0.5}});
+  const Vector t = Vector::LinSpaced(21, 0, 4);
+  const SwitchedDerivative of_two(two, t, true), of_one(one, t, true);
+  DataChange alike, single;
+  alike.A = single.A = Matrix{{0.1, 0.2}, {-0.3, 0.1}};
+  alike.B = Matrix{{0.2, 0.2}, {0.1, 0.1}}, single.B = Matrix{{0.2}, {0.1}};
+  EXPECT_LE((of_two.jvp(alike).x - of_one.jvp(single).x).cwiseAbs().maxCoeff(), 1e-8);
+  const auto why = [&](const DataChange& c) { return refusal([&] { of_two.jvp(c); }); };
+  DataChange other;
+  other.B = Matrix{{0.2, 0.1}, {0, 0}};
+  EXPECT_NE(why(other).find("not unique"), std::string::npos) << why(other);
+  other = {};
+  other.M = Matrix{{0.1, 0}, {0, 0}};
+  EXPECT_NE(why(other).find("not unique"), std::string::npos) << why(other);
+  SolutionChange of;
+  of.x = RowMatrix::Ones(21, 2);
+  const DataChange gradient = of_two.vjp(of);
+  EXPECT_EQ(gradient.B.size() + gradient.N.size() + gradient.M.size(), 0);
+  EXPECT_LE((gradient.A - of_one.vjp(of).A).cwiseAbs().maxCoeff(), 1e-8 * gradient.A.cwiseAbs().maxCoeff());
+}
+
 TEST(SwitchedDerivative, SeesATouchBetweenSamples) {
   const Verdict v = verdict_of(801072);
   EXPECT_FALSE(v.given);
