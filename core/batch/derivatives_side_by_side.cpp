@@ -58,17 +58,6 @@ double bytes_of(const SceneArraysProblem& p, Index scenes) {
   return sizeof(double) * double(scenes) * (double(p.J + 1) * tables + double(HeldPacked{p.m, p.n}.size()));
 }
 
-void check_change(const DataChange& c, Index rows, Index m, Index n) {
-  check_no_b(c.b);
-  check_table("x0", c.x0, m, 1);
-  check_table("f", c.f, rows, m);
-  check_table("g", c.g, rows, n);
-  check_table("A", c.A, m, m);
-  check_table("B", c.B, m, n);
-  check_table("N", c.N, n, m);
-  check_table("M", c.M, n, n);
-}
-
 }  // namespace
 
 Result single_result(const Scene& scene, const BatchResult& all, Index k) {
@@ -176,7 +165,7 @@ std::unique_ptr<Array> DerivativesSideBySide::table_of(const std::vector<Change>
   return array;
 }
 
-// Changes of the matrices; empty where there are none.
+// The changes of A, B, N and M, a row for each scene; without rows if no scene has one.
 RowMatrix DerivativesSideBySide::packed(const std::vector<DataChange>& all) const {
   const auto has = [](const DataChange& c) { return c.A.size() + c.B.size() + c.N.size() + c.M.size() > 0; };
   if (std::none_of(all.begin(), all.end(), has)) return {};
@@ -196,7 +185,10 @@ RowMatrix DerivativesSideBySide::packed(const std::vector<DataChange>& all) cons
 void DerivativesSideBySide::jvp(const std::vector<DataChange>& changes, std::vector<SolutionChange>& to,
                                 std::vector<std::string>& reason) const {
   const Index m = problem_.m, n = problem_.n, all = Index(scenes_.size()) * rows();
-  for (const DataChange& c : changes) check_change(c, rows(), m, n);
+  for (const DataChange& c : changes) {
+    check_no_b(c.b);
+    check_data(c, rows(), m, n);
+  }
   const auto x0 = table_of(changes, &DataChange::x0, 1, m), f = table_of(changes, &DataChange::f, rows(), m),
              g = table_of(changes, &DataChange::g, rows(), n);
   std::unique_ptr<Array> matrices;
@@ -246,11 +238,9 @@ void DerivativesSideBySide::vjp(const std::vector<SolutionChange>& functions, st
   RowMatrix of_x0, of_f, of_g, sums;
   backend_.download(*x0, of_x0), backend_.download(*f, of_f);
   backend_.download(*g, of_g), backend_.download(*matrices, sums);
-  struct {
-    RowMatrix x0, y;
-  } start;  // where a gradient is one-sided
-  if (std::count(decided.begin(), decided.end(), char(0)) > 0)
-    backend_.download(*x0_, start.x0), backend_.download(*y_, start.y);
+  RowMatrix start, y_rows;  // where a gradient is one-sided
+  if (std::find(decided.begin(), decided.end(), char(0)) != decided.end())
+    backend_.download(*x0_, start), backend_.download(*y_, y_rows);
   for (Index i = 0; i < K; ++i) {
     const std::size_t k = std::size_t(scenes_[std::size_t(i)]);
     if (place_[k] < 0) continue;
@@ -265,7 +255,7 @@ void DerivativesSideBySide::vjp(const std::vector<SolutionChange>& functions, st
              matrix(at.B(), m, n),
              matrix(at.N(), n, m),
              matrix(at.M(), n, n)};
-    if (!decided[std::size_t(i)]) leave_out_start(to[k], start.x0.row(i).transpose(), start.y.row(i * rows()));
+    if (!decided[std::size_t(i)]) leave_out_start(to[k], start.row(i).transpose(), y_rows.row(i * rows()));
   }
 }
 

@@ -24,4 +24,17 @@ inline void check_no_x0(const Vector& x0) {
   if (x0.size() > 0) throw Error("x0", "is given to a scene with a boundary condition", "change b");
 }
 
+/// Throws Error where a member of a DataChange that all scenes have has another shape; f and g have `rows` rows.
+template <class Change>
+void check_data(const Change& c, Index rows, Index m, Index n) {
+  check_table("x0", c.x0, m, 1);
+  check_table("f", c.f, rows, m);
+  check_table("g", c.g, rows, n);
+  check_table("A", c.A, m, m);
+  check_table("B", c.B, m, n);
+  check_table("N", c.N, n, m);
+  check_table("M", c.M, n, n);
+  check_table("E", c.E, m, m);
+}
+
 }  // namespace bromwich

@@ -193,15 +193,8 @@ GalerkinChange GalerkinDerivative::no_change() const {
 
 SolutionChange GalerkinDerivative::jvp(const DataChange& c) const {
   p_.initial_value ? check_no_b(c.b) : check_no_x0(c.x0);
-  check_table("x0", c.x0, m_, 1);
+  check_data(c, p_.N + 1, m_, n_);
   check_table("b", c.b, m_, 1);
-  check_table("f", c.f, p_.N + 1, m_);
-  check_table("g", c.g, p_.N + 1, n_);
-  check_table("M", c.M, n_, n_);
-  check_table("A", c.A, m_, m_);
-  check_table("B", c.B, m_, n_);
-  check_table("N", c.N, n_, m_);
-  check_table("E", c.E, m_, m_);
   check_table("E0", c.E0, m_, m_);
   check_table("ET", c.ET, m_, m_);
   if (p_.initial_value && (c.E0.size() > 0 || c.ET.size() > 0))

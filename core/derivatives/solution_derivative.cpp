@@ -199,14 +199,7 @@ void SolutionDerivative::add_mass(DataChange& bar) const {
 
 SolutionChange SolutionDerivative::jvp(const DataChange& given) const {
   check_no_b(given.b);
-  check_table("x0", given.x0, m_, 1);
-  check_table("f", given.f, J_ + 1, m_);
-  check_table("g", given.g, J_ + 1, n_);
-  check_table("A", given.A, m_, m_);
-  check_table("B", given.B, m_, n_);
-  check_table("N", given.N, n_, m_);
-  check_table("M", given.M, n_, n_);
-  check_table("E", given.E, m_, m_);
+  check_data(given, J_ + 1, m_, n_);
   if (given.E.size() > 0 && inverse_E_.size() == 0) refuse("the scene has no E", "change A and B instead");
   const DataChange c = without_mass(given);
   StepDirection d;

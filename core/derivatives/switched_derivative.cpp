@@ -137,14 +137,7 @@ SolutionChange SwitchedDerivative::jvp(const DataChange& given) const { return j
 SolutionChange SwitchedDerivative::jvp(const DataChange& given, const std::vector<MovingJump>& jumps) const {
   const Index rows = t_.size(), m = values_.x.cols(), n = values_.y.cols();
   check_no_b(given.b);
-  check_table("x0", RowMatrix(given.x0), m, 1);
-  check_table("f", given.f, rows, m);
-  check_table("g", given.g, rows, n);
-  check_table("A", RowMatrix(given.A), m, m);
-  check_table("E", RowMatrix(given.E), m, m);
-  check_table("B", RowMatrix(given.B), m, n);
-  check_table("N", RowMatrix(given.N), n, m);
-  check_table("M", RowMatrix(given.M), n, n);
+  check_data(given, rows, m, n);
   DataChange c = given;
   if (c.E.size() > 0) c.E = -c.E;
   if (inverse_E_.size() > 0) {

@@ -27,7 +27,7 @@ void SwitchedTape::check_ambiguities(const DataChange& c) const {
     if (change.size() == 0 || by.cols() == 0) return false;
     return ((change * by).cwiseAbs() - 1e-9 * change.cwiseAbs() * by.cwiseAbs()).maxCoeff() > 0;
   };
-  for (const Ambiguity& a : ambiguities_)
+  for (const auto& [together, a] : ambiguities_)
     if (moves(c.B, a.right) || moves(c.M, a.right) || moves(c.M.transpose(), a.left) || moves(c.N.transpose(), a.left))
       throw Error("derivative",
                   "not differentiable here: y is not unique, and the change makes x depend on which y it is",
@@ -339,7 +339,8 @@ void SwitchedTape::leave_out_conditioned(DataChange& gradient) const {
     gradient.N.resize(0, 0);
   }
   if (conditioned_.rows || !without_M_.empty()) gradient.M.resize(0, 0);
-  if (!ambiguities_.empty())
+  const auto ambiguous = [](const auto& of_set) { return of_set.second.right.cols() + of_set.second.left.cols() > 0; };
+  if (std::any_of(ambiguities_.begin(), ambiguities_.end(), ambiguous))
     for (Matrix* member : {&gradient.B, &gradient.N, &gradient.M}) member->resize(0, 0);
 }
 

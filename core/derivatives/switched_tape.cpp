@@ -333,7 +333,7 @@ void SwitchedTape::measure_run(const std::vector<Sample>& run, bool to_end) {
 // v with M_SS v = 0 and B_S v = 0, u with u^T M_SS = 0 and u^T N_S = 0.
 void SwitchedTape::find_ambiguity(const std::vector<Index>& together) {
   constexpr double zero = 1e-12;
-  if (together.empty()) return;
+  if (together.empty() || ambiguities_.contains(together)) return;
   const auto scaled = [](const Matrix& a) -> Matrix {
     const double size = a.size() > 0 ? a.cwiseAbs().maxCoeff() : 0;
     return size > 0 ? Matrix(a / size) : a;
@@ -348,9 +348,8 @@ void SwitchedTape::find_ambiguity(const std::vector<Index>& together) {
     return all;
   };
   const Matrix M = system_.M(together, together);
-  Ambiguity a{kernel(M, system_.B(Eigen::all, together)),
-              kernel(M.transpose(), system_.N(together, Eigen::all).transpose())};
-  if (a.right.cols() + a.left.cols() > 0) ambiguities_.push_back(std::move(a));
+  ambiguities_[together] = {kernel(M, system_.B(Eigen::all, together)),
+                            kernel(M.transpose(), system_.N(together, Eigen::all).transpose())};
 }
 
 void SwitchedTape::judge_M() {

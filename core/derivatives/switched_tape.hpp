@@ -180,7 +180,7 @@ class SwitchedTape {
   std::vector<Index> one_sided_;
   bool along_some_;
   std::string without_M_, only_along_;
-  std::vector<Ambiguity> ambiguities_;
+  std::map<std::vector<Index>, Ambiguity> ambiguities_;  ///< of each set that was looked at; most are empty
   ConditionedData conditioned_;
 };
 
