@@ -7,8 +7,6 @@
 #include "cpu/parts.hpp"
 #include "cpu/real_fft.hpp"
 
-#include <omp.h>
-
 #include <cmath>
 #include <vector>
 
@@ -30,18 +28,18 @@ namespace {
 
 class FftConvolution final : public Convolution {
  public:
-  FftConvolution(const LagTable& table, Index rows, int threads)
+  FftConvolution(const LagTable& table, Index rows, Team& team)
       : n_(table.outputs),
         k_(table.inputs),
         modal_(table.modal),
         rows_(rows),
-        threads_(threads),
+        team_(team),
         fft_(fast_fft_length(2 * rows)),
         weights_(table.W.cols(), fft_.frequencies()),
         start_(table.S),
         damping_(damping(growth(table.W), rows)),
-        real_(threads, fft_.length()),
-        work_(modal_ ? Index(threads) : k_ + Index(threads), fft_.frequencies()) {
+        real_(team.threads(), fft_.length()),
+        work_((modal_ ? 0 : k_) + Index(team.threads()), fft_.frequencies()) {
     // The factor 1/length of the inverse transform is folded into the weights.
     Vector padded(fft_.length());
     for (Index c = 0; c < weights_.rows(); ++c) {
@@ -75,41 +73,34 @@ class FftConvolution final : public Convolution {
   }
 
   void apply_modal(const RowMatrix& y, RowMatrix& v) {
-#pragma omp parallel for num_threads(threads_) schedule(static)
-    for (Index l = 0; l < n_; ++l) {
-      double* real = real_.row(omp_get_thread_num()).data();
-      auto spectrum = work_.row(omp_get_thread_num());
+    team_.share(n_, [&](Index l, int thread) {
+      double* real = real_.row(thread).data();
+      auto spectrum = work_.row(thread);
       column_spectrum(y, l, real, spectrum.data());
       spectrum.array() *= weights_.row(l).array();
       fft_.backward(spectrum.data(), real);
       const double y0 = y(0, l);
       for (Index j = 0; j < rows_; ++j) v(j, l) = real[j] / damping_[j] + start_(j, l) * y0;
-    }
+    });
   }
 
   void apply_dense(const RowMatrix& y, RowMatrix& v) {
-#pragma omp parallel num_threads(threads_)
-    {
-      const int thread = omp_get_thread_num();
+    team_.share(k_, [&](Index c, int thread) { column_spectrum(y, c, real_.row(thread).data(), work_.row(c).data()); });
+    team_.share(n_, [&](Index i, int thread) {
       double* real = real_.row(thread).data();
-#pragma omp for schedule(static)
-      for (Index c = 0; c < k_; ++c) column_spectrum(y, c, real, work_.row(c).data());
       auto sum = work_.row(k_ + thread);
-#pragma omp for schedule(static)
-      for (Index i = 0; i < n_; ++i) {
-        sum.setZero();
-        for (Index c = 0; c < k_; ++c) sum.array() += weights_.row(i * k_ + c).array() * work_.row(c).array();
-        fft_.backward(sum.data(), real);
-        for (Index j = 0; j < rows_; ++j)
-          v(j, i) = real[j] / damping_[j] + start_.row(j).segment(i * k_, k_).dot(y.row(0));
-      }
-    }
+      sum.setZero();
+      for (Index c = 0; c < k_; ++c) sum.array() += weights_.row(i * k_ + c).array() * work_.row(c).array();
+      fft_.backward(sum.data(), real);
+      for (Index j = 0; j < rows_; ++j)
+        v(j, i) = real[j] / damping_[j] + start_.row(j).segment(i * k_, k_).dot(y.row(0));
+    });
   }
 
   Index n_, k_;
   bool modal_;
   Index rows_;
-  int threads_;
+  Team& team_;
   RealFft fft_;
   Spectra weights_;
   RowMatrix start_;
@@ -120,8 +111,8 @@ class FftConvolution final : public Convolution {
 
 }  // namespace
 
-std::unique_ptr<Convolution> make_convolution(const LagTable& table, Index rows, int threads) {
-  return std::make_unique<FftConvolution>(table, rows, threads);
+std::unique_ptr<Convolution> make_convolution(const LagTable& table, Index rows, Team& team) {
+  return std::make_unique<FftConvolution>(table, rows, team);
 }
 
 }  // namespace bromwich::cpu

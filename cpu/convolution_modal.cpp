@@ -41,9 +41,9 @@ std::vector<Index> remembered(const ModalRecurrence& r, Index rows) {
 
 class ModalConvolution final : public Convolution {
  public:
-  ModalConvolution(const ModalRecurrence& r, Index rows, int threads)
+  ModalConvolution(const ModalRecurrence& r, Index rows, Team& team)
       : rows_(rows),
-        threads_(threads),
+        team_(team),
         tiles_(ScanBlock::tiles(rows)),
         exponentials_(r.exponentials()),
         scanned_(std::size_t(r.modes())) {
@@ -57,7 +57,7 @@ class ModalConvolution final : public Convolution {
       scans += direct(D) >= scan;
       work += std::min(direct(D), scan);
     }
-    chunks_ = std::clamp<Index>(Index(double(threads) * scan / std::max(work, scan)), 1, tiles_);
+    chunks_ = std::clamp<Index>(Index(double(team.threads()) * scan / std::max(work, scan)), 1, tiles_);
     const Index count = Index(lags.size());
     const Index scans_together = shared(scans), sums_together = shared((count - scans) * tiles_);
     for (Index b = 0; b < count; ++b) {
@@ -82,25 +82,28 @@ class ModalConvolution final : public Convolution {
     first = std::max<Index>(first, 1);
     if (first >= rows_) return;
     const Index from = (first - 1) / tile, chunk = (tiles_ - from + chunks_ - 1) / chunks_;
-#pragma omp parallel num_threads(threads_)
-    {
-      const FlushDenormals flush;
-      if (chunks_ > 1) {
-#pragma omp for collapse(2) schedule(static)
-        for (std::size_t s = 0; s < scans_.size(); ++s)
-          for (Index c = 1; c < chunks_; ++c) accumulate(y, scans_[s], from + (c - 1) * chunk, from + c * chunk);
-#pragma omp for schedule(static)
-        for (std::size_t s = 0; s < scans_.size(); ++s)
-          for (ScanBlock& block : scans_[s].blocks) block.carry(from, chunk, tiles_);
-      }
-#pragma omp for collapse(2) schedule(dynamic, 1) nowait
-      for (std::size_t s = 0; s < scans_.size(); ++s)
-        for (Index c = 0; c < chunks_; ++c)
-          scan(y, v, scans_[s], from + c * chunk, std::min(tiles_, from + (c + 1) * chunk));
-#pragma omp for collapse(2) schedule(dynamic, 1)
-      for (Index begin = first; begin < rows_; begin += tile)
-        for (std::size_t s = 0; s < sums_.size(); ++s) sum(y, v, sums_[s], begin, std::min(rows_, begin + tile));
+    const Index scans = Index(scans_.size()), sums = Index(sums_.size());
+    if (chunks_ > 1) {
+      team_.share(scans * (chunks_ - 1), [&](Index i, int) {
+        const FlushDenormals flush;
+        const Index c = i % (chunks_ - 1);
+        accumulate(y, scans_[std::size_t(i / (chunks_ - 1))], from + c * chunk, from + (c + 1) * chunk);
+      });
+      team_.share(scans, [&](Index s, int) {
+        for (ScanBlock& block : scans_[std::size_t(s)].blocks) block.carry(from, chunk, tiles_);
+      });
     }
+    // Scans are longer than sums and begin first.
+    const Index scanned = scans * chunks_, summed = (rows_ - first + tile - 1) / tile * sums;
+    team_.share(scanned + summed, [&](Index i, int) {
+      const FlushDenormals flush;
+      if (i < scanned) {
+        const Index c = i % chunks_;
+        return scan(y, v, scans_[std::size_t(i / chunks_)], from + c * chunk, std::min(tiles_, from + (c + 1) * chunk));
+      }
+      const Index begin = first + (i - scanned) / sums * tile;
+      sum(y, v, sums_[std::size_t((i - scanned) % sums)], begin, std::min(rows_, begin + tile));
+    });
   }
 
   void take_start(const Array& D) {
@@ -127,7 +130,7 @@ class ModalConvolution final : public Convolution {
 
  private:
   // Blocks per bunch, so that `parts` units of work keep all threads busy.
-  Index shared(Index parts) const { return std::clamp<Index>(parts / (2 * threads_), 1, most_together); }
+  Index shared(Index parts) const { return std::clamp<Index>(parts / (2 * team_.threads()), 1, most_together); }
 
   // The bunch that takes block b: the last one if b is its neighbour and it has fewer than `together` blocks, else a
   // new one.
@@ -195,7 +198,7 @@ class ModalConvolution final : public Convolution {
   }
 
   Index rows_;
-  int threads_;
+  Team& team_;
   Index tiles_, exponentials_, chunks_ = 1, past_ = 0;
   std::vector<bool> scanned_;  ///< modes, with a state
   std::vector<Bunch<ScanBlock>> scans_;
@@ -204,8 +207,8 @@ class ModalConvolution final : public Convolution {
 
 }  // namespace
 
-std::unique_ptr<Convolution> make_convolution(const ModalRecurrence& r, Index rows, int threads) {
-  return std::make_unique<ModalConvolution>(r, rows, threads);
+std::unique_ptr<Convolution> make_convolution(const ModalRecurrence& r, Index rows, Team& team) {
+  return std::make_unique<ModalConvolution>(r, rows, team);
 }
 
 }  // namespace bromwich::cpu

@@ -6,8 +6,6 @@
 
 #include "cpu/parts.hpp"
 
-#include <omp.h>
-
 #include <algorithm>
 
 namespace bromwich::cpu {
@@ -18,10 +16,10 @@ constexpr Index fewest_rows = 128;  ///< per chunk
 
 class DenseScan final : public Convolution {
  public:
-  DenseScan(const DenseRecurrence& r, Index rows, int threads)
+  DenseScan(const DenseRecurrence& r, Index rows, Team& team)
       : r_(r),
-        threads_(threads),
-        length_(std::max(shortest_chunk(r), (rows - 1 + threads - 1) / threads)),
+        team_(team),
+        length_(std::max(shortest_chunk(r), (rows - 1 + team.threads() - 1) / team.threads())),
         chunks_(std::max<Index>(1, (rows - 1 + length_ - 1) / length_)),
         states_(r.decay.rows(), chunks_ + 1),
         next_(r.decay.rows(), chunks_),
@@ -42,22 +40,17 @@ class DenseScan final : public Convolution {
       next_.col(from) = states_.col(from);
       return run(y, &v, from);
     }
-#pragma omp parallel num_threads(threads_)
-    {
+    team_.share(chunks_ - 1 - from, [&](Index k, int) {
       const FlushDenormals flush;
-#pragma omp for schedule(static)
-      for (Index c = from; c < chunks_ - 1; ++c) {
-        next_.col(c).setZero();
-        run(y, nullptr, c);
-      }
-#pragma omp single
-      for (Index c = from; c < chunks_ - 1; ++c) states_.col(c + 1) = power_ * states_.col(c) + next_.col(c);
-#pragma omp for schedule(static)
-      for (Index c = from; c < chunks_; ++c) {
-        next_.col(c) = states_.col(c);
-        run(y, &v, c);
-      }
-    }
+      next_.col(from + k).setZero();
+      run(y, nullptr, from + k);
+    });
+    for (Index c = from; c < chunks_ - 1; ++c) states_.col(c + 1) = power_ * states_.col(c) + next_.col(c);
+    team_.share(chunks_ - from, [&](Index k, int) {
+      const FlushDenormals flush;
+      next_.col(from + k) = states_.col(from + k);
+      run(y, &v, from + k);
+    });
   }
 
   std::size_t bytes() const override {
@@ -99,15 +92,15 @@ class DenseScan final : public Convolution {
   }
 
   DenseRecurrence r_;
-  int threads_;
+  Team& team_;
   Index length_, chunks_;
   Matrix states_, next_, fresh_, power_;
 };
 
 }  // namespace
 
-std::unique_ptr<Convolution> make_convolution(const DenseRecurrence& r, Index rows, int threads) {
-  return std::make_unique<DenseScan>(r, rows, threads);
+std::unique_ptr<Convolution> make_convolution(const DenseRecurrence& r, Index rows, Team& team) {
+  return std::make_unique<DenseScan>(r, rows, team);
 }
 
 }  // namespace bromwich::cpu

@@ -2,7 +2,6 @@
 
 #include "core/base/error.hpp"
 #include "core/seam/shared_memory.hpp"
-#include "cpu/failure.hpp"
 #include "cpu/parts.hpp"
 #include "cpu/real_fft.hpp"
 
@@ -12,11 +11,7 @@
 #include <cmath>
 #include <cstdlib>
 #include <cstring>
-#include <exception>
-#include <mutex>
 #include <string>
-#include <thread>
-#include <vector>
 
 namespace bromwich {
 
@@ -24,53 +19,54 @@ namespace {
 
 class CpuBackend final : public Backend, public SharedMemory {
  public:
-  explicit CpuBackend(int threads) : Backend("cpu", cpu_traits()), threads_(threads) {
+  explicit CpuBackend(int threads) : Backend("cpu", cpu_traits()), team_(threads) {
     fused_.upload_product = [this](const RowMatrix& amplitudes, const Matrix& shapes, Array& to) {
-      cpu::write_product(amplitudes, shapes, cpu::host(to), threads_);
+      cpu::write_product(amplitudes, shapes, cpu::host(to), team_);
     };
     fused_.restrict_problem = [this](const Array& r, const Array& v, const Array& y, const Array& coarse_v,
                                      Array& coarse_r, Array& coarse_y, Array& old) {
       cpu::restrict_problem(cpu::host(r), cpu::host(v), cpu::host(y), cpu::host(coarse_v), cpu::host(coarse_r),
-                            cpu::host(coarse_y), cpu::host(old), threads_);
+                            cpu::host(coarse_y), cpu::host(old), team_);
     };
     staged_.take_stages = [this](const Array& stages, Array& first, Array& second) {
-      cpu::take_stages(cpu::host(stages), cpu::host(first), cpu::host(second), threads_);
+      cpu::take_stages(cpu::host(stages), cpu::host(first), cpu::host(second), team_);
     };
     staged_.put_stages = [this](const Array& first, const Array& second, Array& stages) {
-      cpu::put_stages(cpu::host(first), cpu::host(second), cpu::host(stages), threads_);
+      cpu::put_stages(cpu::host(first), cpu::host(second), cpu::host(stages), team_);
     };
     staged_.sweep_stages = [this](const StageDivisors& d, const Array& r, const Array& v, Array& y) {
-      cpu::sweep_stages(d, cpu::host(r), cpu::host(v), cpu::host(y), threads_);
+      cpu::sweep_stages(d, cpu::host(r), cpu::host(v), cpu::host(y), team_);
     };
     staged_.restrict_stages = [this](const Array& r, const Array& v, const Array& y, const Array& coarse_v,
                                      Array& coarse_r, Array& coarse_y, Array& old) {
       cpu::restrict_stages(cpu::host(r), cpu::host(v), cpu::host(y), cpu::host(coarse_v), cpu::host(coarse_r),
-                           cpu::host(coarse_y), cpu::host(old), threads_);
+                           cpu::host(coarse_y), cpu::host(old), team_);
     };
     fused_.face_transform = [this](const FaceBasis& basis, Index rows, Way way) {
-      return cpu::make_face_transform(basis, rows, way, threads_);
+      return cpu::make_face_transform(basis, rows, way, team_);
     };
     fused_.linear_march = [this](const MarchProblem& problem, Index rows, const LinearStep& step) {
-      return cpu::make_march(problem, rows, threads_, step);
+      return cpu::make_march(problem, rows, team_, step);
     };
     fused_.projected_sweeps = [this](const ProjectedSweeps& sweeps, Index rows) {
-      return cpu::make_projected_sweeps(sweeps, rows, threads_);
+      return cpu::make_projected_sweeps(sweeps, rows, team_);
     };
     fused_.alternates = [this](const Array& y, Index run, double part) {
-      return cpu::alternates(cpu::host(y), run, part, threads_);
+      return cpu::alternates(cpu::host(y), run, part, team_);
     };
   }
 
-  DeviceInfo device() const override { return {"cpu", threads_, std::string("OpenMP, ") + cpu::transform_library()}; }
-  int threads() const override { return threads_; }
+  DeviceInfo device() const override {
+    return {"cpu", team_.threads(), std::string("OpenMP, ") + cpu::transform_library()};
+  }
+  int threads() const override { return team_.threads(); }
   void each_range(Index count, Index length, const std::function<void(Index first, Index last)>& body) const override {
     const Index ranges = (count + length - 1) / length;
-#pragma omp parallel for num_threads(threads_) schedule(dynamic, 1) if (ranges > 1)
-    for (Index r = 0; r < ranges; ++r) body(r * length, std::min((r + 1) * length, count));
+    team_.share(ranges, [&](Index r, int) { body(r * length, std::min((r + 1) * length, count)); });
   }
 
   std::unique_ptr<Array> array(Index rows, Index cols) override {
-    return std::make_unique<cpu::HostArray>(rows, cols, threads_);
+    return std::make_unique<cpu::HostArray>(rows, cols, team_);
   }
   void upload(const RowMatrix& from, Array& to) override { copy(from, cpu::host(to)); }
   void download(const Array& from, RowMatrix& to) override {
@@ -78,33 +74,30 @@ class CpuBackend final : public Backend, public SharedMemory {
     copy(cpu::host(from), to);
   }
 
-  void inject(const Array& fine, Array& coarse) override { cpu::inject(cpu::host(fine), cpu::host(coarse), threads_); }
+  void inject(const Array& fine, Array& coarse) override { cpu::inject(cpu::host(fine), cpu::host(coarse), team_); }
   void interpolate(const Array& coarse, const Array* old, Array& fine) override {
-    cpu::interpolate(cpu::host(coarse), old ? &cpu::host(*old) : nullptr, cpu::host(fine), threads_);
+    cpu::interpolate(cpu::host(coarse), old ? &cpu::host(*old) : nullptr, cpu::host(fine), team_);
   }
   void add(const Array& b, double s, const Array& c, Array& a) override {
-    cpu::add(cpu::host(b), s, cpu::host(c), cpu::host(a), threads_);
+    cpu::add(cpu::host(b), s, cpu::host(c), cpu::host(a), team_);
   }
-  std::unique_ptr<Differences> differences(std::size_t slots) override {
-    return cpu::make_differences(slots, threads_);
-  }
+  std::unique_ptr<Differences> differences(std::size_t slots) override { return cpu::make_differences(slots, team_); }
 
   std::unique_ptr<RowTransform> sine_transform(Index n, Index rows) override {
-    return cpu::make_sine_transform(n, rows, threads_);
+    return cpu::make_sine_transform(n, rows, team_);
   }
   std::unique_ptr<Convolution> convolution(WeightsRef weights, Index rows) override {
-    return std::visit([&](const auto* w) { return cpu::make_convolution(*w, rows, threads_); }, weights);
+    return std::visit([&](const auto* w) { return cpu::make_convolution(*w, rows, team_); }, weights);
   }
   std::unique_ptr<LcpBatch> shifted_lcp(const LcpMatrix& M, LcpClass lcp_class, double shift, Index rows) override {
     if (const auto* t = std::get_if<Tridiagonal>(&M))
-      return cpu::make_tridiagonal_lcp(*t, lcp_class, shift, rows, threads_);
-    if (const SparseMatrix* sparse = sparse_of(M))
-      return cpu::make_sparse_lcp(*sparse, lcp_class, shift, rows, threads_);
+      return cpu::make_tridiagonal_lcp(*t, lcp_class, shift, rows, team_);
+    if (const SparseMatrix* sparse = sparse_of(M)) return cpu::make_sparse_lcp(*sparse, lcp_class, shift, rows, team_);
     if (shift != 0) throw Error("shift", "found a dense matrix", "shift tridiagonal and sparse ones");
-    return cpu::make_dense_lcp(std::get<Matrix>(M), lcp_class, rows, threads_);
+    return cpu::make_dense_lcp(std::get<Matrix>(M), lcp_class, rows, team_);
   }
   std::unique_ptr<March> march(const MarchProblem& problem, Index rows) override {
-    return cpu::make_march(problem, rows, threads_);
+    return cpu::make_march(problem, rows, team_);
   }
 
   // SharedMemory
@@ -131,36 +124,18 @@ class CpuBackend final : public Backend, public SharedMemory {
       Q.noalias() += Y * dense->transpose();
       return;
     }
-#pragma omp parallel for num_threads(threads_) schedule(static) if (threads_ > 1 && Y.size() > 1 << 16)
-    for (Index j = 0; j < Y.rows(); ++j) Q.row(j) += multiply(M, Y.row(j).transpose()).transpose();
+    team_.each(Y.rows(), Y.size() > cpu::worth_sharing,
+               [&](Index j) { Q.row(j) += multiply(M, Y.row(j).transpose()).transpose(); });
   }
 
  private:
   template <class From, class To>
   void copy(const From& from, To& to) const {
-#pragma omp parallel for num_threads(threads_) schedule(static) if (threads_ > 1 && from.size() > 1 << 16)
-    for (Index j = 0; j < from.rows(); ++j) to.row(j) = from.row(j);
+    team_.each(from.rows(), from.size() > cpu::worth_sharing, [&](Index j) { to.row(j) = from.row(j); });
   }
 
-  int threads_;
+  mutable cpu::Team team_;  ///< of one loop at a time
 };
-
-/// Number of threads, at most `wanted`, that can exist at once, the calling one included. OpenMP ends the process when
-/// it cannot create a thread (`ulimit -v`, for example), so this function creates them first, all waiting on one mutex.
-int possible_threads(int wanted) {
-  std::mutex all_made;
-  std::unique_lock hold(all_made);
-  std::vector<std::thread> made;
-  try {
-    made.reserve(std::size_t(wanted - 1));
-    while (int(made.size()) + 1 < wanted) made.emplace_back([&all_made] { const std::lock_guard wait(all_made); });
-  } catch (const std::exception&) {  // the system refused a thread, or no memory is left
-  }
-  const int possible = int(made.size()) + 1;
-  hold.unlock();
-  for (std::thread& thread : made) thread.join();
-  return possible;
-}
 
 }  // namespace
 
@@ -174,11 +149,7 @@ BackendTraits cpu_traits() {
 std::unique_ptr<Backend> make_cpu_backend(int threads) {
   if (threads < 0)
     throw Error("threads", "found " + std::to_string(threads), "pass 0 for all cores, or a number of threads");
-  const int possible = possible_threads(threads == 0 ? omp_get_max_threads() : threads);
-  // OpenMP creates its threads now and keeps them; the memory may be taken later.
-#pragma omp parallel num_threads(possible)
-  {}
-  return std::make_unique<CpuBackend>(possible);
+  return std::make_unique<CpuBackend>(threads == 0 ? omp_get_max_threads() : threads);
 }
 
 }  // namespace bromwich

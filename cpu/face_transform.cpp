@@ -1,10 +1,7 @@
 // Transforms between values at the points of a face and the coefficients of its modes, direction after direction.
 
-#include "cpu/failure.hpp"
 #include "cpu/folded_sine.hpp"
 #include "cpu/parts.hpp"
-
-#include <omp.h>
 
 #include <algorithm>
 #include <memory>
@@ -120,9 +117,9 @@ class FaceTransform final : public RowTransform {
   static constexpr Index most_together = 32;  ///< lines that one product takes
 
  public:
-  FaceTransform(const FaceBasis& basis, Index rows, Way way, int threads)
-      : n_(basis.points()), together_(basis.size() == 1 ? most_together : 1) {
-    const int used = rows * n_ > parallel_size ? threads : 1;
+  FaceTransform(const FaceBasis& basis, Index rows, Way way, Team& team)
+      : n_(basis.points()), together_(basis.size() == 1 ? most_together : 1), team_(team) {
+    const int used = rows * n_ > parallel_size ? team.threads() : 1;
     products_.emplace_back(basis, way, together_);
     for (int t = 1; t < used; ++t) products_.push_back(products_[0]);
     sums_.resize(used * together_, n_);
@@ -133,19 +130,13 @@ class FaceTransform final : public RowTransform {
     const RowMatrix* a = add ? &host(*add) : nullptr;
     RowMatrix& y = host(out);
     const Index count = (x.rows() - first + together_ - 1) / together_;
-    Failure failure;
-#pragma omp parallel for num_threads(int(products_.size())) schedule(static) if (products_.size() > 1)
-    for (Index block = 0; block < count; ++block) try {
-        const FlushDenormals flush;
-        const int thread = omp_get_thread_num();
-        const Index j = first + block * together_, size = std::min(together_, x.rows() - j);
-        auto rows = sums_.middleRows(thread * together_, size);
-        products_[std::size_t(thread)].apply(x.row(j).data(), a ? rows.data() : y.row(j).data(), size);
-        if (a) y.middleRows(j, size) = a->middleRows(j, size) + rows;
-      } catch (...) {
-        failure.keep();
-      }
-    failure.rethrow();
+    team_.share(count, products_.size() > 1, [&](Index block, int thread) {
+      const FlushDenormals flush;
+      const Index j = first + block * together_, size = std::min(together_, x.rows() - j);
+      auto rows = sums_.middleRows(thread * together_, size);
+      products_[std::size_t(thread)].apply(x.row(j).data(), a ? rows.data() : y.row(j).data(), size);
+      if (a) y.middleRows(j, size) = a->middleRows(j, size) + rows;
+    });
   }
 
   std::size_t bytes() const override {
@@ -156,6 +147,7 @@ class FaceTransform final : public RowTransform {
   Index n_, together_;
   std::vector<FaceProducts> products_;
   RowMatrix sums_;
+  Team& team_;
 };
 
 }  // namespace
@@ -165,8 +157,8 @@ std::unique_ptr<VectorTransform> make_vector_transform(const FaceBasis& basis, W
   return std::make_unique<FaceProducts>(basis, way, 1);
 }
 
-std::unique_ptr<RowTransform> make_face_transform(const FaceBasis& basis, Index rows, Way way, int threads) {
-  return std::make_unique<FaceTransform>(basis, rows, way, threads);
+std::unique_ptr<RowTransform> make_face_transform(const FaceBasis& basis, Index rows, Way way, Team& team) {
+  return std::make_unique<FaceTransform>(basis, rows, way, team);
 }
 
 }  // namespace bromwich::cpu

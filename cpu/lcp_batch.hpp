@@ -4,13 +4,11 @@
 // not settle go one by one to the pivoting solver of core/lcp/active_set.hpp.
 
 #include "core/lcp/active_set.hpp"
-#include "cpu/failure.hpp"
 #include "cpu/parts.hpp"
 #include "cpu/simd.hpp"
 
-#include <omp.h>
-
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <vector>
 
@@ -26,28 +24,30 @@ struct BlockOutcome {
 /// Fills the report from the change of every row.
 class RowBlocks {
  public:
-  RowBlocks(Index rows, int threads)
-      : change_(std::size_t(rows)), magnitude_(std::size_t(rows)), left_(std::size_t(rows)), threads_(threads) {}
+  /// `row_work`: multiplications of a row, about.
+  RowBlocks(Index rows, Index row_work, Team& team)
+      : change_(std::size_t(rows)),
+        magnitude_(std::size_t(rows)),
+        left_(std::size_t(rows)),
+        row_work_(row_work),
+        team_(team) {}
 
   template <class Newton, class Pivot>
   LcpReport run(Index first, Index rows, Index width, double settle_tolerance, Newton newton, Pivot pivot) {
     LcpReport report;
-    long sweeps = 0;
+    std::atomic<long> sweeps = 0;
     const Index count = (rows - first + width - 1) / width;
-    Failure failure;
-#pragma omp parallel for num_threads(threads_) schedule(static) reduction(+ : sweeps) if (count > 1)
-    for (Index block = 0; block < count; ++block) try {
-        const Index begin = first + block * width, size = std::min(width, rows - begin);
-        BlockOutcome outcome;
-        newton(begin, size, omp_get_thread_num(), outcome, change_.data() + begin, magnitude_.data() + begin);
-        for (Index j = 0; j < size; ++j) {
-          left_[std::size_t(begin + j)] = !outcome.solved[j];
-          sweeps += outcome.sweeps[j];
-        }
-      } catch (...) {
-        failure.keep();
+    team_.share(count, (rows - first) * row_work_ > parallel_size, [&](Index block, int thread) {
+      const Index begin = first + block * width, size = std::min(width, rows - begin);
+      BlockOutcome outcome;
+      newton(begin, size, thread, outcome, change_.data() + begin, magnitude_.data() + begin);
+      long of_block = 0;
+      for (Index j = 0; j < size; ++j) {
+        left_[std::size_t(begin + j)] = !outcome.solved[j];
+        of_block += outcome.sweeps[j];
       }
-    failure.rethrow();
+      sweeps += of_block;
+    });
     report.count.newton = sweeps;
     report.count.solved = rows - first;
     for (Index j = first; j < rows; ++j)
@@ -69,6 +69,8 @@ class RowBlocks {
   std::size_t bytes() const { return change_.size() * (2 * sizeof(double) + 1); }
 
  private:
+  static constexpr Index parallel_size = 1 << 11;  ///< multiplications, each of several sweeps: ten microseconds
+
   template <class Pivot>
   void finish(LcpReport& report, Index j, Pivot pivot) {
     ++report.count.fallbacks;
@@ -83,7 +85,8 @@ class RowBlocks {
 
   std::vector<double> change_, magnitude_;
   std::vector<char> left_;
-  int threads_;
+  Index row_work_;
+  Team& team_;
 };
 
 /// Solves one row by pivoting and records how much it changed.
@@ -105,15 +108,13 @@ inline LcpOutcome pivot_row(ActiveSetLcp& solver, const Vector& q, double* y, Ve
 /// max_j ||min(y_j, w_j)||_inf / max(1, ||q_j||_inf) with w = M y + q; `product(y_j, w)` writes M y_j. NaN if any value
 /// is not finite.
 template <class Product>
-double natural_residual(const RowMatrix& R, const RowMatrix& V, const RowMatrix& Y, int threads, Product product) {
-  constexpr Index most_alone = 1 << 19;  // values: a millisecond; threads may take as long to start
+double natural_residual(const RowMatrix& R, const RowMatrix& V, const RowMatrix& Y, Team& team, Product product) {
   const Index n = Y.cols();
-  double worst = 0;
-#pragma omp parallel num_threads(threads) reduction(max : worst) if (threads > 1 && Y.size() > most_alone)
-  {
+  std::atomic<double> worst = 0;
+  team.ranges(Y.rows(), Y.size() > worth_sharing, [&](Index begin, Index end) {
     Eigen::ArrayXd q(n), w(n);
-#pragma omp for schedule(static)
-    for (Index j = 0; j < Y.rows(); ++j) {
+    double mine = 0;
+    for (Index j = begin; j < end; ++j) {
       const auto y = Y.row(j).transpose().array();
       q = R.row(j).transpose().array() + V.row(j).transpose().array();
       product(Y.row(j).data(), w.data());
@@ -121,16 +122,17 @@ double natural_residual(const RowMatrix& R, const RowMatrix& V, const RowMatrix&
       const double sum = w.abs().sum() + y.abs().sum();  // keeps a NaN; a maximum may drop it
       if (n == 0) continue;
       const double gap = y.min(w).abs().maxCoeff(), scale = std::max(1.0, q.abs().maxCoeff());
-      worst = std::max(worst, std::isfinite(sum) ? gap / scale : INFINITY);
+      mine = std::max(mine, std::isfinite(sum) ? gap / scale : INFINITY);
     }
-  }
-  return std::isinf(worst) ? NAN : worst;
+    Team::raise(worst, mine);
+  });
+  return std::isinf(worst) ? NAN : worst.load();
 }
 
 /// The same for a dense M.
 inline double natural_residual(const Matrix& M, const RowMatrix& R, const RowMatrix& V, const RowMatrix& Y,
-                               int threads) {
-  return natural_residual(R, V, Y, threads, [&M](const double* y, double* w) {
+                               Team& team) {
+  return natural_residual(R, V, Y, team, [&M](const double* y, double* w) {
     Eigen::Map<Vector>(w, M.rows()).noalias() = M * Eigen::Map<const Vector>(y, M.cols());
   });
 }

@@ -17,14 +17,14 @@ constexpr Index largest_lane_size = 16;
 
 class LaneLcp final : public ImmediateLcpBatch {
  public:
-  LaneLcp(const Matrix& M, LcpClass lcp_class, Index rows, int threads)
+  LaneLcp(const Matrix& M, LcpClass lcp_class, Index rows, Team& team)
       : n_(M.rows()),
         original_(M),
         scale_(equilibrate(M)),
         M_(scaled(M, scale_)),
         class_(selection_class(M, lcp_class)),
-        row_blocks_(rows, threads),
-        threads_(threads),
+        row_blocks_(rows, M.size(), team),
+        team_(team),
         pivoting_(M, class_),
         q_(n_),
         fresh_(n_) {}
@@ -44,7 +44,7 @@ class LaneLcp final : public ImmediateLcpBatch {
   }
 
   double residual(const Array& r, const Array& v, const Array& y) override {
-    return natural_residual(original_, host(r), host(v), host(y), threads_);
+    return natural_residual(original_, host(r), host(v), host(y), team_);
   }
 
   std::size_t bytes() const override { return row_blocks_.bytes() + 4 * sizeof(double) * std::size_t(M_.size()); }
@@ -154,16 +154,17 @@ class LaneLcp final : public ImmediateLcpBatch {
   Matrix M_;  ///< R M C
   LcpClass class_;
   RowBlocks row_blocks_;
-  int threads_;
+  Team& team_;
   ActiveSetLcp pivoting_;
   Vector q_, fresh_;
 };
 
 class RowLcp final : public ImmediateLcpBatch {
  public:
-  RowLcp(const Matrix& M, LcpClass lcp_class, Index rows, int threads)
-      : M_(M), class_(selection_class(M, lcp_class)), row_blocks_(rows, threads), threads_(threads) {
-    for (int t = 0; t < threads; ++t) solvers_.push_back({ActiveSetLcp(M, class_), Vector(M.rows()), Vector(M.rows())});
+  RowLcp(const Matrix& M, LcpClass lcp_class, Index rows, Team& team)
+      : M_(M), class_(selection_class(M, lcp_class)), row_blocks_(rows, M.size(), team), team_(team) {
+    for (int t = 0; t < team.threads(); ++t)
+      solvers_.push_back({ActiveSetLcp(M, class_), Vector(M.rows()), Vector(M.rows())});
   }
 
   LcpReport solve_now(const Array& r, const Array& v, Array& y, Index first, double settle_tolerance) override {
@@ -195,7 +196,7 @@ class RowLcp final : public ImmediateLcpBatch {
   }
 
   double residual(const Array& r, const Array& v, const Array& y) override {
-    return natural_residual(M_, host(r), host(v), host(y), threads_);
+    return natural_residual(M_, host(r), host(v), host(y), team_);
   }
 
   std::size_t bytes() const override {
@@ -211,15 +212,15 @@ class RowLcp final : public ImmediateLcpBatch {
   Matrix M_;
   LcpClass class_;
   RowBlocks row_blocks_;
-  int threads_;
+  Team& team_;
   std::vector<Worker> solvers_;
 };
 
 }  // namespace
 
-std::unique_ptr<LcpBatch> make_dense_lcp(const Matrix& M, LcpClass lcp_class, Index rows, int threads) {
-  if (M.rows() <= largest_lane_size) return std::make_unique<LaneLcp>(M, lcp_class, rows, threads);
-  return std::make_unique<RowLcp>(M, lcp_class, rows, threads);
+std::unique_ptr<LcpBatch> make_dense_lcp(const Matrix& M, LcpClass lcp_class, Index rows, Team& team) {
+  if (M.rows() <= largest_lane_size) return std::make_unique<LaneLcp>(M, lcp_class, rows, team);
+  return std::make_unique<RowLcp>(M, lcp_class, rows, team);
 }
 
 }  // namespace bromwich::cpu

@@ -39,17 +39,17 @@ struct SparseRows {
 class SparseLcp final : public ImmediateLcpBatch {
  public:
   /// `count`: sweeps of a batch; 0: until its problems are solved.
-  SparseLcp(const SparseMatrix& M, double shift, const SweepPlan& plan, int count, Index rows, int threads)
+  SparseLcp(const SparseMatrix& M, double shift, const SweepPlan& plan, int count, Index rows, Team& team)
       : M_(M),
         shifted_(shifted(M, shift)),
         shift_(shift),
         count_(count),
         rows_(shifted_, plan.omega),
-        row_blocks_(rows, threads),
-        threads_(threads),
+        row_blocks_(rows, M.nonZeros(), team),
+        team_(team),
         plan_(plan),
         pivoting_(shifted_) {
-    lanes_.resize(std::size_t(threads));
+    lanes_.resize(std::size_t(team.threads()));
     for (auto& block : lanes_) block.resize(std::size_t(2 * M.rows()));
   }
 
@@ -66,7 +66,7 @@ class SparseLcp final : public ImmediateLcpBatch {
   }
 
   double residual(const Array& r, const Array& v, const Array& y) override {
-    return natural_residual(host(r), host(v), host(y), threads_, [this](const double* values, double* w) {
+    return natural_residual(host(r), host(v), host(y), team_, [this](const double* values, double* w) {
       Eigen::Map<Vector>(w, M_.rows()) = M_ * Eigen::Map<const Vector>(values, M_.cols());
     });
   }
@@ -184,7 +184,7 @@ class SparseLcp final : public ImmediateLcpBatch {
   int count_;
   SparseRows rows_;
   RowBlocks row_blocks_;
-  int threads_;
+  Team& team_;
   SweepPlan plan_;
   SparseActiveSet pivoting_;
   std::vector<std::vector<Lanes>> lanes_;
@@ -194,21 +194,21 @@ constexpr Index largest_written_out = 256;
 
 }  // namespace
 
-std::unique_ptr<LcpBatch> make_projected_sweeps(const ProjectedSweeps& sweeps, Index rows, int threads) {
+std::unique_ptr<LcpBatch> make_projected_sweeps(const ProjectedSweeps& sweeps, Index rows, Team& team) {
   const SweepPlan plan{true, sweeps.omega, 0, ""};
-  return std::make_unique<SparseLcp>(*sweeps.M, sweeps.shift, plan, sweeps.count, rows, threads);
+  return std::make_unique<SparseLcp>(*sweeps.M, sweeps.shift, plan, sweeps.count, rows, team);
 }
 
 std::unique_ptr<LcpBatch> make_sparse_lcp(const SparseMatrix& M, LcpClass lcp_class, double shift, Index rows,
-                                          int threads) {
+                                          Team& team) {
   SparseMatrix with_shift = M;
   for (Index i = 0; shift != 0 && i < M.rows(); ++i) with_shift.coeffRef(i, i) += shift;
   const SweepPlan plan = plan_sweeps(with_shift);
   // Sweeps converge for P-matrices only, whose solution is the only one and the least for Z. A small matrix that they
   // do not solve has every fallback of the dense solvers; a large one can still be the M of a march.
   if (!plan.converges && M.rows() <= largest_written_out && shift == 0)
-    return make_dense_lcp(Matrix(M), lcp_class, rows, threads);
-  return std::make_unique<SparseLcp>(M, shift, plan, 0, rows, threads);
+    return make_dense_lcp(Matrix(M), lcp_class, rows, team);
+  return std::make_unique<SparseLcp>(M, shift, plan, 0, rows, team);
 }
 
 }  // namespace bromwich::cpu

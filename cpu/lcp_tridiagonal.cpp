@@ -81,7 +81,7 @@ struct Lap {
 
 class TridiagonalLcp final : public ImmediateLcpBatch {
  public:
-  TridiagonalLcp(const Tridiagonal& M, LcpClass lcp_class, double shift, Index rows, int threads)
+  TridiagonalLcp(const Tridiagonal& M, LcpClass lcp_class, double shift, Index rows, Team& team)
       : n_(M.diagonal.size()),
         shift_(shift),
         original_(M),
@@ -89,11 +89,11 @@ class TridiagonalLcp final : public ImmediateLcpBatch {
         scale_(equilibrate(shifted_)),
         M_(scaled(shifted_, scale_)),
         class_(selection_class(shifted_, lcp_class)),
-        row_blocks_(rows, threads),
-        threads_(threads),
+        row_blocks_(rows, M.diagonal.size(), team),
+        team_(team),
         q_(n_),
         fresh_(n_) {
-    for (int t = 0; t < threads; ++t) work_.emplace_back(n_);
+    for (int t = 0; t < team.threads(); ++t) work_.emplace_back(n_);
     if (n_ == 0) return;
     for (Tridiagonal* t : {&M_, &original_, &shifted_}) t->lower[0] = t->upper[n_ - 1] = 0;
   }
@@ -117,7 +117,7 @@ class TridiagonalLcp final : public ImmediateLcpBatch {
   }
 
   double residual(const Array& r, const Array& v, const Array& y) override {
-    return natural_residual(host(r), host(v), host(y), threads_,
+    return natural_residual(host(r), host(v), host(y), team_,
                             [this](const double* row, double* product) { multiply(original_, row, product); });
   }
 
@@ -344,7 +344,7 @@ class TridiagonalLcp final : public ImmediateLcpBatch {
   Tridiagonal M_;  ///< R (M + D I) C
   LcpClass class_;
   RowBlocks row_blocks_;
-  int threads_;
+  Team& team_;
   std::vector<Workspace> work_;
   std::unique_ptr<ActiveSetLcp> pivoting_;
   Vector q_, fresh_;
@@ -353,8 +353,8 @@ class TridiagonalLcp final : public ImmediateLcpBatch {
 }  // namespace
 
 std::unique_ptr<LcpBatch> make_tridiagonal_lcp(const Tridiagonal& M, LcpClass lcp_class, double shift, Index rows,
-                                               int threads) {
-  return std::make_unique<TridiagonalLcp>(M, lcp_class, shift, rows, threads);
+                                               Team& team) {
+  return std::make_unique<TridiagonalLcp>(M, lcp_class, shift, rows, team);
 }
 
 }  // namespace bromwich::cpu

@@ -28,7 +28,7 @@ namespace {
 
 class ModalMarch final : public ImmediateMarch {
  public:
-  ModalMarch(const MarchProblem& problem, const ModalRecurrence& r, Index rows, int threads, const LinearStep& linear)
+  ModalMarch(const MarchProblem& problem, const ModalRecurrence& r, Index rows, Team& team, const LinearStep& linear)
       : r_(r),
         asked_to_stop_(problem),
         n_(r.modes()),
@@ -38,7 +38,8 @@ class ModalMarch final : public ImmediateMarch {
         to_modes_(make_vector_transform(r.basis(), Way::to_modes)),
         to_points_(r.basis().is_sine() ? to_modes_ : make_vector_transform(r.basis(), Way::to_points)),
         M_(*problem.M),
-        threads_(blocks_ * K_ * lanes >= parallel_size ? threads : 1) {
+        team_(team),
+        shares_(blocks_ * K_ * lanes >= parallel_size) {
     decay_.resize(std::size_t(blocks_ * K_));
     output_.resize(decay_.size());
     z_.resize(decay_.size());
@@ -64,9 +65,8 @@ class ModalMarch final : public ImmediateMarch {
     if (!given_drive_) return;
     drive_ = std::make_unique<HostArray>(rows, n_);
     const FaceBasis basis = r.basis();
-    transform_of_drive_ = basis.size() == 1 && basis.is_sine()
-                              ? make_sine_transform(n_, rows, threads)
-                              : make_face_transform(basis, rows, Way::to_modes, threads);
+    transform_of_drive_ = basis.size() == 1 && basis.is_sine() ? make_sine_transform(n_, rows, team)
+                                                               : make_face_transform(basis, rows, Way::to_modes, team);
   }
 
   MarchReport run(Array& y_array, Array& v_array) override {
@@ -107,7 +107,7 @@ class ModalMarch final : public ImmediateMarch {
   }
 
  private:
-  static constexpr Index parallel_size = 1 << 16;  ///< below it, a barrier per block costs more than it saves
+  static constexpr Index parallel_size = 1 << 16;  ///< below it, other threads save less than ten microseconds
   static constexpr Index block_steps = 16;
 
   // Row d - 1: W_d in modes, from the far parts of z = 1 and the extra weight of lag 1.
@@ -145,11 +145,10 @@ class ModalMarch final : public ImmediateMarch {
   // Advances z by the inputs of the previous block, then computes its contribution to the steps j .. j + b - 1.
   void begin_block(Index j) {
     if (j > 1) first_.head(n_) = r_.w1.cwiseProduct(u_.row(block_steps - 1).head(n_).transpose());
-#pragma omp parallel for num_threads(threads_) schedule(static) if (threads_ > 1)
-    for (Index b = 0; b < blocks_; ++b) {
+    team_.each(blocks_, shares_, [&](Index b) {
       if (j > 1) advance(b);
       sum_far(b);
-    }
+    });
     far_.row(0) += first_.transpose();
   }
 
@@ -230,7 +229,8 @@ class ModalMarch final : public ImmediateMarch {
   const LcpMatrix& M_;
   std::unique_ptr<host::FaceLcp> face_;  ///< of a face; else all in dense matrices
   std::optional<MarchStep> step_;
-  int threads_;
+  Team& team_;
+  bool shares_;  ///< the work of a block
   std::vector<Lanes> decay_, output_, z_;
   RowMatrix near_;     ///< b x n: W_1 .. W_b
   RowMatrix u_, far_;  ///< b x n: inputs and far parts of the block's steps
@@ -239,10 +239,10 @@ class ModalMarch final : public ImmediateMarch {
 
 }  // namespace
 
-std::unique_ptr<March> make_march(const MarchProblem& problem, Index rows, int threads, const LinearStep& linear) {
-  if (problem.lags) return make_lag_march(problem, rows, threads, linear);
+std::unique_ptr<March> make_march(const MarchProblem& problem, Index rows, Team& team, const LinearStep& linear) {
+  if (problem.lags) return make_lag_march(problem, rows, team, linear);
   if (const auto* modal = std::get_if<ModalRecurrence>(problem.recurrence))
-    return std::make_unique<ModalMarch>(problem, *modal, rows, threads, linear);
+    return std::make_unique<ModalMarch>(problem, *modal, rows, team, linear);
   return make_dense_march(problem, std::get<DenseRecurrence>(*problem.recurrence), rows, linear);
 }
 

@@ -17,8 +17,6 @@
 #include "cpu/parts.hpp"
 #include "cpu/real_fft.hpp"
 
-#include <omp.h>
-
 #include <bit>
 #include <vector>
 
@@ -32,15 +30,15 @@ namespace {
 // The product of one level: from L rows of y to the L rows after them.
 class Level {
  public:
-  Level(const LagTable& table, double sigma, Index L, int threads)
+  Level(const LagTable& table, double sigma, Index L, Team& team)
       : n_(table.outputs),
         L_(L),
         fft_(2 * L),
         damping_(damping(sigma, 2 * L)),
         weights_(n_ * n_, fft_.frequencies()),
-        spectra_(n_ + threads, fft_.frequencies()),
-        real_(threads, 2 * L),
-        threads_(n_ * L >= parallel_size ? threads : 1) {
+        spectra_(n_ + team.threads(), fft_.frequencies()),
+        real_(team.threads(), 2 * L),
+        team_(team) {
     const Index lags = std::min<Index>(2 * L, table.W.rows());
     Vector padded(2 * L);
     for (Index c = 0; c < weights_.rows(); ++c) {
@@ -53,26 +51,21 @@ class Level {
   // v(from + L ..) += Σ_d W_d y with the rows from .. from + L - 1 of y; rows past the end of v are skipped.
   void apply(const RowMatrix& y, Index from, RowMatrix& v) {
     const Index rows = std::min(L_, v.rows() - from - L_);
-#pragma omp parallel num_threads(threads_) if (threads_ > 1)
-    {
-      const int thread = omp_get_thread_num();
+    team_.share(n_, n_ * L_ >= parallel_size, [&](Index c, int thread) {
       double* real = real_.row(thread).data();
-#pragma omp for schedule(static)
-      for (Index c = 0; c < n_; ++c) {
-        for (Index i = 0; i < L_; ++i) real[i] = damping_[i] * y(from + i, c);
-        std::fill(real + L_, real + 2 * L_, 0.0);
-        fft_.forward(real, spectra_.row(c).data());
-      }
+      for (Index i = 0; i < L_; ++i) real[i] = damping_[i] * y(from + i, c);
+      std::fill(real + L_, real + 2 * L_, 0.0);
+      fft_.forward(real, spectra_.row(c).data());
+    });
+    team_.share(n_, n_ * L_ >= parallel_size, [&](Index i, int thread) {
+      double* real = real_.row(thread).data();
       auto sum = spectra_.row(n_ + thread);
-#pragma omp for schedule(static)
-      for (Index i = 0; i < n_; ++i) {
-        sum.setZero();
-        for (Index c = 0; c < n_; ++c) sum.array() += weights_.row(i * n_ + c).array() * spectra_.row(c).array();
-        fft_.backward(sum.data(), real);
-        // The first half of the product has wrapped around; the second half belongs to the target rows.
-        for (Index j = 0; j < rows; ++j) v(from + L_ + j, i) += real[L_ + j] / damping_[L_ + j];
-      }
-    }
+      sum.setZero();
+      for (Index c = 0; c < n_; ++c) sum.array() += weights_.row(i * n_ + c).array() * spectra_.row(c).array();
+      fft_.backward(sum.data(), real);
+      // The first half of the product has wrapped around; the second half belongs to the target rows.
+      for (Index j = 0; j < rows; ++j) v(from + L_ + j, i) += real[L_ + j] / damping_[L_ + j];
+    });
   }
 
   std::size_t bytes() const {
@@ -80,19 +73,19 @@ class Level {
   }
 
  private:
-  static constexpr Index parallel_size = 1 << 15;  ///< below it, starting the threads costs more than they save
+  static constexpr Index parallel_size = 1 << 15;  ///< below it, other threads save less than ten microseconds
 
   Index n_, L_;
   RealFft fft_;
   Vector damping_;
   Spectra weights_, spectra_;
   RowMatrix real_;
-  int threads_;
+  Team& team_;
 };
 
 class LagMarch final : public ImmediateMarch {
  public:
-  LagMarch(const MarchProblem& problem, Index rows, int threads, const LinearStep& linear)
+  LagMarch(const MarchProblem& problem, Index rows, Team& team, const LinearStep& linear)
       : table_(*problem.lags),
         n_(table_.outputs),
         asked_to_stop_(problem),
@@ -103,7 +96,7 @@ class LagMarch final : public ImmediateMarch {
         q_(n_),
         y_(n_) {
     const double sigma = growth(table_.W);
-    for (Index L = block; L < rows - 1; L *= 2) levels_.push_back(std::make_unique<Level>(table_, sigma, L, threads));
+    for (Index L = block; L < rows - 1; L *= 2) levels_.push_back(std::make_unique<Level>(table_, sigma, L, team));
   }
 
   MarchReport run(Array& y_array, Array& v_array) override {
@@ -168,8 +161,8 @@ class LagMarch final : public ImmediateMarch {
 
 }  // namespace
 
-std::unique_ptr<March> make_lag_march(const MarchProblem& problem, Index rows, int threads, const LinearStep& linear) {
-  return std::make_unique<LagMarch>(problem, rows, threads, linear);
+std::unique_ptr<March> make_lag_march(const MarchProblem& problem, Index rows, Team& team, const LinearStep& linear) {
+  return std::make_unique<LagMarch>(problem, rows, team, linear);
 }
 
 }  // namespace bromwich::cpu

@@ -5,19 +5,22 @@
 #include "core/base/error.hpp"
 #include "core/seam/backend.hpp"
 #include "core/seam/linear_march.hpp"
+#include "cpu/team.hpp"
 
 #include <chrono>
 #include <memory>
 
 namespace bromwich::cpu {
 
+constexpr Index worth_sharing = 1 << 16;  ///< values that are copied: a hundred microseconds from memory
+
 class HostArray final : public Array {
  public:
   /// Zero-filled. The threads that will use the rows touch them first (first-touch page placement).
-  HostArray(Index rows, Index cols, int threads = 1) : HostArray(RowMatrix(rows, cols)) {
-#pragma omp parallel for num_threads(threads) schedule(static) if (threads > 1 && values.size() > 1 << 16)
-    for (Index j = 0; j < rows; ++j) values.row(j).setZero();
+  HostArray(Index rows, Index cols, Team& team) : HostArray(RowMatrix(rows, cols)) {
+    team.each(rows, values.size() > worth_sharing, [&](Index j) { values.row(j).setZero(); });
   }
+  HostArray(Index rows, Index cols) : HostArray(RowMatrix(RowMatrix::Zero(rows, cols))) {}
 
   RowMatrix values;
 
@@ -51,32 +54,32 @@ std::unique_ptr<VectorTransform> make_vector_sine(Index n);
 /// Between values at the points of a face and the coefficients of its modes.
 std::unique_ptr<VectorTransform> make_vector_transform(const FaceBasis&, Way);
 /// The same for rows. A side with sine modes takes `make_sine_transform`.
-std::unique_ptr<RowTransform> make_face_transform(const FaceBasis&, Index rows, Way, int threads);
+std::unique_ptr<RowTransform> make_face_transform(const FaceBasis&, Index rows, Way, Team& team);
 
-std::unique_ptr<RowTransform> make_sine_transform(Index n, Index rows, int threads);
-std::unique_ptr<Convolution> make_convolution(const ModalRecurrence&, Index rows, int threads);
-std::unique_ptr<Convolution> make_convolution(const DenseRecurrence&, Index rows, int threads);
-std::unique_ptr<Convolution> make_convolution(const LagTable&, Index rows, int threads);
-std::unique_ptr<LcpBatch> make_tridiagonal_lcp(const Tridiagonal&, LcpClass, double shift, Index rows, int threads);
-std::unique_ptr<LcpBatch> make_dense_lcp(const Matrix&, LcpClass, Index rows, int threads);
-std::unique_ptr<LcpBatch> make_sparse_lcp(const SparseMatrix&, LcpClass, double shift, Index rows, int threads);
-std::unique_ptr<LcpBatch> make_projected_sweeps(const ProjectedSweeps&, Index rows, int threads);
+std::unique_ptr<RowTransform> make_sine_transform(Index n, Index rows, Team& team);
+std::unique_ptr<Convolution> make_convolution(const ModalRecurrence&, Index rows, Team& team);
+std::unique_ptr<Convolution> make_convolution(const DenseRecurrence&, Index rows, Team& team);
+std::unique_ptr<Convolution> make_convolution(const LagTable&, Index rows, Team& team);
+std::unique_ptr<LcpBatch> make_tridiagonal_lcp(const Tridiagonal&, LcpClass, double shift, Index rows, Team& team);
+std::unique_ptr<LcpBatch> make_dense_lcp(const Matrix&, LcpClass, Index rows, Team& team);
+std::unique_ptr<LcpBatch> make_sparse_lcp(const SparseMatrix&, LcpClass, double shift, Index rows, Team& team);
+std::unique_ptr<LcpBatch> make_projected_sweeps(const ProjectedSweeps&, Index rows, Team& team);
 /// `linear`: empty for complementarity problems.
-std::unique_ptr<March> make_march(const MarchProblem&, Index rows, int threads, const LinearStep& linear = {});
+std::unique_ptr<March> make_march(const MarchProblem&, Index rows, Team& team, const LinearStep& linear = {});
 std::unique_ptr<March> make_dense_march(const MarchProblem&, const DenseRecurrence&, Index rows, const LinearStep&);
-std::unique_ptr<March> make_lag_march(const MarchProblem&, Index rows, int threads, const LinearStep&);
-void write_product(const RowMatrix& amplitudes, const Matrix& shapes, RowMatrix& to, int threads);
-void inject(const RowMatrix& fine, RowMatrix& coarse, int threads);
-void interpolate(const RowMatrix& coarse, const RowMatrix* old, RowMatrix& fine, int threads);
+std::unique_ptr<March> make_lag_march(const MarchProblem&, Index rows, Team& team, const LinearStep&);
+void write_product(const RowMatrix& amplitudes, const Matrix& shapes, RowMatrix& to, Team& team);
+void inject(const RowMatrix& fine, RowMatrix& coarse, Team& team);
+void interpolate(const RowMatrix& coarse, const RowMatrix* old, RowMatrix& fine, Team& team);
 void restrict_problem(const RowMatrix& r, const RowMatrix& v, const RowMatrix& y, const RowMatrix& coarse_v,
-                      RowMatrix& coarse_r, RowMatrix& coarse_y, RowMatrix& old, int threads);
-void take_stages(const RowMatrix& stages, RowMatrix& first, RowMatrix& second, int threads);
-void put_stages(const RowMatrix& first, const RowMatrix& second, RowMatrix& stages, int threads);
-void sweep_stages(const StageDivisors&, const RowMatrix& r, const RowMatrix& v, RowMatrix& y, int threads);
+                      RowMatrix& coarse_r, RowMatrix& coarse_y, RowMatrix& old, Team& team);
+void take_stages(const RowMatrix& stages, RowMatrix& first, RowMatrix& second, Team& team);
+void put_stages(const RowMatrix& first, const RowMatrix& second, RowMatrix& stages, Team& team);
+void sweep_stages(const StageDivisors&, const RowMatrix& r, const RowMatrix& v, RowMatrix& y, Team& team);
 void restrict_stages(const RowMatrix& r, const RowMatrix& v, const RowMatrix& y, const RowMatrix& coarse_v,
-                     RowMatrix& coarse_r, RowMatrix& coarse_y, RowMatrix& old, int threads);
-void add(const RowMatrix& b, double s, const RowMatrix& c, RowMatrix& a, int threads);
-std::unique_ptr<Differences> make_differences(std::size_t slots, int threads);
-bool alternates(const RowMatrix& y, Index run, double part, int threads);
+                     RowMatrix& coarse_r, RowMatrix& coarse_y, RowMatrix& old, Team& team);
+void add(const RowMatrix& b, double s, const RowMatrix& c, RowMatrix& a, Team& team);
+std::unique_ptr<Differences> make_differences(std::size_t slots, Team& team);
+bool alternates(const RowMatrix& y, Index run, double part, Team& team);
 
 }  // namespace bromwich::cpu

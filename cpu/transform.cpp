@@ -6,11 +6,8 @@
 
 #include "cpu/parts.hpp"
 
-#include "cpu/failure.hpp"
 #include "cpu/folded_sine.hpp"
 #include "cpu/real_fft.hpp"
-
-#include <omp.h>
 
 #include <cmath>
 #include <memory>
@@ -27,8 +24,8 @@ class ProductSine final : public RowTransform {
   static constexpr Index parallel_size = 1 << 18;  ///< multiplications: ten microseconds
 
  public:
-  ProductSine(Index n, int threads) : sine_(n), threads_(threads) {
-    for (int t = 0; t < threads; ++t)
+  ProductSine(Index n, Team& team) : sine_(n), team_(team) {
+    for (int t = 0; t < team.threads(); ++t)
       scratch_.push_back({RowMatrix(row_block, sine_.even), RowMatrix(row_block, sine_.odd),
                           RowMatrix(row_block, sine_.even), RowMatrix(row_block, sine_.odd)});
   }
@@ -38,17 +35,11 @@ class ProductSine final : public RowTransform {
     const RowMatrix* a = add ? &host(*add) : nullptr;
     RowMatrix& y = host(out);
     const Index rows = x.rows(), count = (rows - first + row_block - 1) / row_block;
-    Failure failure;
-#pragma omp parallel for num_threads(threads_) \
-    schedule(dynamic, 1) if ((rows - first) * sine_.n * sine_.n > parallel_size)
-    for (Index block = 0; block < count; ++block) try {
-        const FlushDenormals flush;  // decay in time produces denormals, which cost a hundredfold
-        const Index begin = first + block * row_block, size = std::min(row_block, rows - begin);
-        transform(x, a, y, begin, size, scratch_[std::size_t(omp_get_thread_num())]);
-      } catch (...) {
-        failure.keep();
-      }
-    failure.rethrow();
+    team_.share(count, (rows - first) * sine_.n * sine_.n > parallel_size, [&](Index block, int thread) {
+      const FlushDenormals flush;  // decay in time produces denormals, which cost a hundredfold
+      const Index begin = first + block * row_block, size = std::min(row_block, rows - begin);
+      transform(x, a, y, begin, size, scratch_[std::size_t(thread)]);
+    });
   }
 
   std::size_t bytes() const override {
@@ -85,7 +76,7 @@ class ProductSine final : public RowTransform {
   }
 
   FoldedSine sine_;
-  int threads_;
+  Team& team_;
   std::vector<Scratch> scratch_;
 };
 
@@ -151,7 +142,8 @@ class FastSine final : public RowTransform {
   static constexpr Index parallel_size = 1 << 12;  ///< values: ten microseconds
 
  public:
-  FastSine(Index n, Index rows, int threads) : n_(n), scratch_(rows * n > parallel_size ? threads : 1, n) {
+  FastSine(Index n, Index rows, Team& team)
+      : n_(n), scratch_(rows * n > parallel_size ? team.threads() : 1, n), team_(team) {
     rows_.push_back(make_vector_sine(n));
     for (Index t = 1; t < scratch_.rows(); ++t) rows_.push_back(rows_[0]->another());
   }
@@ -160,21 +152,16 @@ class FastSine final : public RowTransform {
     const RowMatrix& x = host(in);
     const RowMatrix* a = add ? &host(*add) : nullptr;
     RowMatrix& y = host(out);
-    const Index rows = x.rows();
-    const int threads = (rows - first) * n_ > parallel_size ? int(rows_.size()) : 1;
-#pragma omp parallel for num_threads(threads) schedule(static) if (threads > 1)
-    for (Index j = first; j < rows; ++j) {
+    const Index count = x.rows() - first;
+    team_.share(count, count * n_ > parallel_size, [&](Index i, int thread) {
       const FlushDenormals flush;
-      const int thread = omp_get_thread_num();
+      const Index j = first + i;
       VectorTransform& row = *rows_[std::size_t(thread)];
-      if (!a) {
-        row.apply(x.row(j).data(), y.row(j).data());
-        continue;
-      }
+      if (!a) return row.apply(x.row(j).data(), y.row(j).data());
       auto buffer = scratch_.row(thread);
       row.apply(x.row(j).data(), buffer.data());
       y.row(j) = a->row(j) + buffer;
-    }
+    });
   }
 
   std::size_t bytes() const override { return sizeof(double) * std::size_t(3 * scratch_.size()); }
@@ -183,6 +170,7 @@ class FastSine final : public RowTransform {
   Index n_;
   std::vector<std::unique_ptr<VectorTransform>> rows_;
   RowMatrix scratch_;
+  Team& team_;
 };
 
 class ProductVectorSine final : public VectorTransform {
@@ -215,10 +203,9 @@ std::unique_ptr<VectorTransform> make_vector_sine(Index n) {
   return std::make_unique<FastVectorSine>(n);
 }
 
-std::unique_ptr<RowTransform> make_sine_transform(Index n, Index rows, int threads) {
-  if (n <= 128 || (n <= largest_product && !HalvedVectorSine::suits(n)))
-    return std::make_unique<ProductSine>(n, threads);
-  return std::make_unique<FastSine>(n, rows, threads);
+std::unique_ptr<RowTransform> make_sine_transform(Index n, Index rows, Team& team) {
+  if (n <= 128 || (n <= largest_product && !HalvedVectorSine::suits(n))) return std::make_unique<ProductSine>(n, team);
+  return std::make_unique<FastSine>(n, rows, team);
 }
 
 }  // namespace bromwich::cpu
