@@ -2,6 +2,7 @@
 
 #include "app/arguments.hpp"
 #include "app/backend_choice.hpp"
+#include "app/circuit_output.hpp"
 #include "app/columns.hpp"
 #include "app/command_sweep.hpp"
 #include "app/commands.hpp"
@@ -73,10 +74,13 @@ void choose_states(const SolveArguments& arguments, const SceneChoice& choice, c
 
 Options solve_options(const SolveArguments& arguments, const SceneChoice& choice, const std::vector<Column>& columns) {
   Options options;
+  if (choice.circuit && !arguments.states.empty())
+    throw Error("--states", "is given with a netlist, whose results are V(node) and I(element)",
+                "choose some with --columns 'V(out),I(L1)'");
   if (!choice.system) options.method = parse_method(arguments.method);
   if (!arguments.steps.empty()) options.steps = parse_steps(arguments.steps);
   options.event_location = arguments.event_location;
-  parse_error_control(arguments, options, choice.tolerance);
+  parse_error_control(arguments, options, choice.tolerance, choice.circuit != nullptr);
   if (const double smallest = smallest_tolerance(options); smallest > 0 && options.method != Method::goal) {
     // A smaller iteration error than the tolerance needs would waste sweeps. A thousandth of it does not affect the
     // differences of grids.
@@ -107,8 +111,11 @@ void keep_inputs(const SceneChoice& choice, const std::string& argument, const s
 struct Outputs {
   std::optional<ResultOutput> out;
   std::optional<OutputFile> switches, report;
-  std::vector<double> times;    ///< of the rows of `out`; empty = the time points
-  std::vector<Column> columns;  ///< of a CSV file; empty: y and the recorded states
+  std::optional<Scene> circuit;  ///< the outputs of a circuit, whose rows are written in place of those of the scene
+  std::vector<double> times;     ///< of the rows of `out`; empty = the time points
+  std::vector<Column> columns;   ///< of a CSV file; empty: y and the recorded states
+
+  const Scene& scene(const SceneChoice& choice) const { return circuit ? *circuit : choice.scene; }
 };
 
 void open_outputs(const SolveArguments& arguments, const SceneChoice& choice, Outputs& made) {
@@ -119,9 +126,11 @@ void open_outputs(const SolveArguments& arguments, const SceneChoice& choice, Ou
   if (!arguments.out.empty() && arguments.out == arguments.switches)
     throw Error("--switches", fmt::format("'{}' is the file of --out", arguments.switches), "choose another file");
   if (!arguments.at.empty()) made.times = parse_times(arguments.at, choice.scene.T);
+  if (choice.circuit && arguments.at.empty() && arguments.steps.empty())
+    made.times.assign(choice.circuit->times.begin(), choice.circuit->times.end());
   if (!arguments.out.empty()) {
     keep_inputs(choice, "--out", arguments.out);
-    made.out.emplace("--out", arguments.out, choice.scene, choice.rectangle);
+    made.out.emplace("--out", arguments.out, made.scene(choice), choice.rectangle);
   }
   if (!arguments.report.empty()) {
     keep_inputs(choice, "--report", arguments.report);
@@ -155,8 +164,9 @@ void check_energies(const SolveArguments& arguments, const Scene& scene, const O
 }
 
 /// `system`: the run of a nonlinear system, or null.
-void write(Outputs& outputs, const Scene& scene, Backend& backend, const Options& options, const Result& result,
+void write(Outputs& outputs, const SceneChoice& choice, Backend& backend, const Options& options, const Result& result,
            bool with_energies, const Facts& facts, const NonlinearRun* system) {
+  const Scene& scene = choice.scene;
   if (outputs.out) {
     std::optional<Energies> balance;
     if (with_energies && (result.goal ? result.goal->balance.energy.size() > 0 : result.status == Status::solved))
@@ -165,8 +175,11 @@ void write(Outputs& outputs, const Scene& scene, Backend& backend, const Options
     Result rows;
     if (sampled) rows = system ? system->at(outputs.times) : at_times(scene, backend, result, outputs.times);
     if (sampled && system) keep_states(rows, result.x_components);
-    const auto columns = outputs.columns.empty() ? default_columns(scene, result.x_components) : outputs.columns;
-    outputs.out->write(sampled ? rows : result, result, columns, balance ? &*balance : nullptr, facts);
+    if (choice.circuit) rows = output_result(*choice.circuit, sampled ? rows : result);
+    const Result& written = sampled || choice.circuit ? rows : result;
+    const auto columns =
+        outputs.columns.empty() ? default_columns(outputs.scene(choice), written.x_components) : outputs.columns;
+    outputs.out->write(written, result, columns, balance ? &*balance : nullptr, facts);
   }
   if (!outputs.switches) return;
   std::vector<Switch> found = system ? system->switches() : switches_with_errors(scene, backend, options, result);
@@ -194,10 +207,11 @@ void listen(const SolveArguments& arguments, ProgressLine& progress, std::vector
   };
 }
 
-void write_report(const OutputFile& file, const SceneChoice& choice, const Result& result, const Json& object) {
-  const std::string page = report::page(
-      {object, report::as_table(choice.scene, result), "bromwich solve " + choice.scene.name, build_info::version});
-  file.write([&page](std::FILE* out) { std::fwrite(page.data(), 1, page.size(), out); });
+void write_report(const Outputs& outputs, const SceneChoice& choice, const Result& result, const Json& object) {
+  const auto table = choice.circuit ? report::as_table(*outputs.circuit, output_result(*choice.circuit, result))
+                                    : report::as_table(choice.scene, result);
+  const std::string page = report::page({object, table, "bromwich solve " + choice.scene.name, build_info::version});
+  outputs.report->write([&page](std::FILE* out) { std::fwrite(page.data(), 1, page.size(), out); });
 }
 
 void report_status(const Result& result) {
@@ -249,6 +263,8 @@ std::optional<PartsOptions> parts_options(const SolveArguments& a, const SceneCh
     if (given)
       throw Error(argument, fmt::format("is given with {}, which needs the whole result", name),
                   "leave one of them out");
+  if (choice.circuit)
+    throw Error(argument, "is given with a netlist", "leave it out: its results are made of the whole solution");
   prepare_parts(argument, choice.scene, options);
   PartsOptions parts;
   if (!a.checkpoint_every.empty()) parts.seconds = parse_seconds("--checkpoint-every", a.checkpoint_every);
@@ -270,7 +286,7 @@ void begin(const SolveArguments& arguments, const SceneChoice& choice, const Opt
         "--out",
         fmt::format("'{}' is written at the end of a run, and checkpoints are for long ones", files.out->name()),
         "choose a file .h5 or .vtkhdf");
-  const std::vector<Index> states = recorded_components(choice.scene, options);
+  const std::vector<Index> states = recorded_components(files.scene(choice), options);
   files.out->check_states(states);
   if (parts && parts->from && files.out->exists()) return files.out->resume(states, parts->from->row + 1, parts->run);
   const Index steps = options.steps > 0 ? options.steps : choice.scene.default_steps;
@@ -311,15 +327,17 @@ int run_solve(const SolveArguments& arguments) {
   const ParameterValues settings = parse_settings(words.settings);
   if (const auto code = run_sweep(arguments, scene_name(words), settings)) return *code;
   const SceneChoice choice = choose_scene_or_system(scene_name(words), settings);
-  const auto columns =
-      arguments.columns.empty() ? std::vector<Column>{} : parse_columns(arguments.columns, choice.scene);
-  Options options = solve_options(arguments, choice, columns);
+  Outputs files;
+  if (choice.circuit) {
+    files.circuit = output_scene(*choice.circuit);
+    for (const std::string& note : choice.circuit->notes) complain(note);
+  }
+  if (!arguments.columns.empty()) files.columns = parse_columns(arguments.columns, files.scene(choice));
+  Options options = solve_options(arguments, choice, choice.circuit ? std::vector<Column>{} : files.columns);
   const int threads = threads_of_rank(arguments.threads.empty() ? 0 : parse_threads(arguments.threads));
   const Index recorded = state_columns(options, choice.scene);
   check_run(arguments, choice, options, recorded);
-  Outputs files;
   open_outputs(arguments, choice, files);
-  files.columns = columns;
   std::optional<PartsOptions> parts = parts_options(arguments, choice, options);
 
   const auto backend = over_ranks(choose_backend(arguments.backend, choice.scene, options, recorded, threads));
@@ -343,10 +361,9 @@ int run_solve(const SolveArguments& arguments) {
     object["nonlinear"] = system->json();
   }
   const Facts facts = facts_of_result(result, used, object);
-  if (!parts)
-    write(files, choice.scene, *backend, options, result, arguments.energies, facts, system ? &*system : nullptr);
+  if (!parts) write(files, choice, *backend, options, result, arguments.energies, facts, system ? &*system : nullptr);
   if (parts && files.out) files.out->finish(facts);
-  if (files.report) write_report(*files.report, choice, result, object);
+  if (files.report) write_report(files, choice, result, object);
   print(arguments.json ? dump(object)
                        : summary(choice, result, used, error, written(arguments), system ? system->method() : ""));
   if (result.status == Status::solved) return exit_solved;

@@ -54,7 +54,7 @@ class SweepRun {
     choice_ = reading_.first();
     options_.method = parse_method(arguments.method);
     if (!arguments.steps.empty()) options_.steps = parse_steps(arguments.steps);
-    parse_error_control(arguments, options_, choice_.tolerance);
+    parse_error_control(arguments, options_, choice_.tolerance, choice_.circuit != nullptr);
     if (!arguments.iteration_tolerance.empty())
       options_.iteration_tolerance = parse_iteration_tolerance(arguments.iteration_tolerance);
     choose_columns();

@@ -209,6 +209,8 @@ SceneCheck check_scene(const SceneChoice& choice, Backend& backend, const Option
     check.refusal = describe_singular_mass(*scene.dynamics);
   else
     look_at_methods(scene, backend, options, check);
+  if (choice.circuit)
+    check.warnings.insert(check.warnings.end(), choice.circuit->notes.begin(), choice.circuit->notes.end());
   std::optional<Spectrum> known;
   if (check.spectrum != "not computed" && !scene.dynamics->has_singular_mass()) known = spectrum(scene.dynamics);
   add_warnings(choice, known, check);
@@ -235,6 +237,7 @@ std::string check_text(const SceneChoice& choice, const SceneCheck& check) {
   std::string breaks;
   for (std::size_t i = 0; i < std::min<std::size_t>(check.breakpoints.size(), 8); ++i)
     breaks += fmt::format("{}{:.6g}", i ? ", " : "", check.breakpoints[i]);
+  if (choice.circuit) line("netlist", choice.circuit->reduction);
   line("sources", check.breakpoints.empty() ? check.sources
                                             : fmt::format("{}, {} at t = {}{}", check.sources,
                                                           counted(check.breakpoints.size(), "breakpoint"), breaks,
@@ -271,6 +274,7 @@ Json check_json(const SceneChoice& choice, const SceneCheck& check) {
   json["class"] = check.matrix_class;
   json["spectrum"] = check.spectrum;
   json["start"] = check.start;
+  if (choice.circuit) json["netlist"] = choice.circuit->reduction;
   json["sources"] = check.sources;
   json["breakpoints"] = check.breakpoints;
   json["methods"] = Json::array();

@@ -25,7 +25,7 @@ std::vector<std::string> scene_names() {
 bool looks_like_file(const std::string& name) {
   std::string extension = std::filesystem::path(name).extension();
   for (char& c : extension) c = char(std::tolower(static_cast<unsigned char>(c)));
-  return extension == ".toml" || name.find('/') != std::string::npos;
+  return extension == ".toml" || is_netlist(name) || name.find('/') != std::string::npos;
 }
 
 const SceneRecipe& find_recipe(const std::string& name) {
@@ -37,7 +37,7 @@ const SceneRecipe& find_recipe(const std::string& name) {
   const bool is_file = std::filesystem::exists(file, failure);
   const std::string meant = is_file ? fmt::format(" (did you mean '{}'?)", file) : suggestion(name, names);
   throw Error("SCENE", fmt::format("found '{}'", name) + meant,
-              fmt::format("use a built-in scene ({}) or a file .toml", join(names)));
+              fmt::format("use a built-in scene ({}), a file .toml or a netlist .cir", join(names)));
 }
 
 void check_keys(const SceneRecipe& recipe, const ParameterValues& settings) {
@@ -61,6 +61,16 @@ SceneChoice choose_built_in(const std::string& name, const ParameterValues& sett
   return choice;
 }
 
+/// Its accuracy is that of the states: y of ideal switches need not be unique.
+SceneChoice choose_circuit(const std::string& name, const ParameterValues& settings) {
+  constexpr double tolerance = 1e-4;
+  auto circuit = std::make_shared<const Circuit>(read_circuit(name, settings));
+  SceneChoice choice{circuit->scene, circuit->parameters, "all", tolerance, std::nullopt};
+  choice.inputs = circuit->inputs;
+  choice.circuit = std::move(circuit);
+  return choice;
+}
+
 }  // namespace
 
 SceneSource::SceneSource(const std::string& name) : name_(name) {
@@ -72,12 +82,13 @@ SceneSource::SceneSource(const std::string& name) : name_(name) {
   if (scene_files_available() && !std::filesystem::exists(name, failure))
     throw Error("SCENE", fmt::format("the file '{}' does not exist", name),
                 "give the path of a scene file; 'bromwich solve --template' prints one to start from");
-  file_ = std::make_unique<SceneReader>(std::filesystem::path(name));
+  if (!is_netlist(name)) file_ = std::make_unique<SceneReader>(std::filesystem::path(name));
 }
 
 SceneSource::~SceneSource() = default;
 
 SceneChoice SceneSource::choice(const ParameterValues& settings, bool nonlinear) {
+  if (is_netlist(name_)) return choose_circuit(name_, settings);
   if (!file_) return choose_built_in(name_, settings);
   NonlinearFile read = nonlinear ? file_->nonlinear(settings) : NonlinearFile{file_->linear(settings), {}};
   SceneFile& file = read.file;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "circuits/circuit.hpp"
 #include "core/catalogue/catalogue.hpp"
 #include "core/nonlinear/nonlinear_scene.hpp"
 #include "files/scene_file.hpp"
@@ -21,16 +22,18 @@ struct SceneChoice {
   Scene scene;
   ParameterValues parameters;
   std::string states = "none";         ///< default of --states
-  std::optional<double> tolerance;     ///< default of --tol
+  std::optional<double> tolerance;     ///< default of --tol, of a netlist of --tol-x
   std::optional<Reference> reference;  ///< empty if parameters were set: it is valid for those of the file
   std::shared_ptr<const QuantityOfInterest> quantity = {};  ///< of the file; null if it has none
   std::string warning = {};                                 ///< of the file, or empty
   std::vector<std::filesystem::path> inputs = {};           ///< the files that were read
   std::optional<Rectangle> rectangle = {};                  ///< of a file with [kronecker]
   std::shared_ptr<const NonlinearScene> system = {};  ///< of a file with [nonlinear], whose linear part is `scene`
+  std::shared_ptr<const Circuit> circuit = {};        ///< of a netlist: its outputs; `scene` is its scene
 };
 
-/// A built-in scene or a TOML file, for many settings: the file is read once. Not for several threads at once.
+/// A built-in scene, a TOML file or a netlist, for many settings: the file is read once. Not for several threads at
+/// once.
 class SceneSource {
  public:
   /// As choose_scene, for what is wrong with any settings.
@@ -49,11 +52,11 @@ class SceneSource {
   SceneChoice choice(const ParameterValues& settings, bool nonlinear);
 
   std::string name_;
-  std::unique_ptr<SceneReader> file_;  ///< null for a built-in scene
+  std::unique_ptr<SceneReader> file_;  ///< of a TOML file
 };
 
-/// A built-in scene or a TOML file. Throws Error for an unknown name, for an unknown parameter (with the nearest known
-/// one), and for invalid values.
+/// A built-in scene, a TOML file or a netlist. Throws Error for an unknown name, for an unknown parameter (with the
+/// nearest known one), and for invalid values.
 SceneChoice choose_scene(const std::string& name, const ParameterValues& settings);
 /// The same, and files with a section [nonlinear], which choose_scene refuses.
 SceneChoice choose_scene_or_system(const std::string& name, const ParameterValues& settings);

@@ -1,0 +1,56 @@
+#pragma once
+// A netlist as a linear complementarity system with outputs.
+//
+//     x' = A x + B y + f(t),   0 <= y  ⊥  w = N x + M y + g(t) >= 0,     V(node), I(element) = rows of (x, y, u, u')
+//
+// symbol  meaning
+// x       voltages of capacitors and currents of inductors, without those that the others determine (excess elements)
+// y, w    of a diode its current and its blocked voltage beyond the line v = V* + R' i; of a switch two multipliers
+// u       sources: 1, the independent ones, and the bounds of gated switches
+//
+// Ideal elements: diodes are two straight lines, switches two resistances, and junctions have no capacitance.
+
+#include "circuits/netlist.hpp"
+#include "core/result/result.hpp"
+#include "core/scene/scene.hpp"
+
+#include <filesystem>
+#include <functional>
+#include <map>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace bromwich {
+
+/// A quantity of a circuit: a row of (x, y, u, u').
+struct CircuitOutput {
+  std::string name, unit;  ///< "V(out)", "V"; "I(L1)", "A": into the first node of the element
+  Vector of_x, of_y, of_u, of_slope;
+};
+
+struct Circuit {
+  Scene scene;
+  std::vector<CircuitOutput> outputs;  ///< V of all nodes, then I of all elements
+  TimeFunction u, slope;               ///< k values each
+  Index sources = 0;                   ///< k
+  Vector times;                        ///< of .tran: start to stop; empty: no step is given
+  std::vector<std::string> notes;      ///< what was skipped, straightened or added, one line each
+  std::string reduction;               ///< one line: states, pairs, excess elements
+  std::map<std::string, double> parameters;
+  std::vector<std::filesystem::path> inputs;
+};
+
+/// Reads a netlist; see docs/netlists.md. `settings` replace its .param. Throws Error naming file, line and element.
+Circuit read_circuit(const std::filesystem::path& file, const std::map<std::string, double>& settings = {});
+/// The same from text. `folder`: where .include looks.
+Circuit parse_circuit(std::string_view netlist, const std::string& file_name, const std::filesystem::path& folder = {},
+                      const std::map<std::string, double>& settings = {});
+
+/// Whether the name of a file is that of a netlist: .cir, .net, .sp, .ckt, .spice.
+bool is_netlist(const std::filesystem::path& file);
+
+/// rows x outputs at the times of a result with all states; NaN where it has no value.
+RowMatrix output_values(const Circuit&, const Result&);
+
+}  // namespace bromwich

@@ -1,0 +1,350 @@
+#include "circuits/netlist.hpp"
+
+#include "circuits/models.hpp"
+#include "core/base/error.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+
+namespace bromwich::circuits {
+
+namespace {
+
+[[noreturn]] void refuse(const Card& card, const std::string& found, const std::string& remedy) {
+  throw Error(to_string(card.place), found, remedy);
+}
+
+struct Subcircuit {
+  Card card;
+  std::vector<std::string> nodes;
+  std::map<std::string, std::string> defaults;
+  std::vector<Card> cards;
+  std::map<std::string, Subcircuit> inner;
+};
+
+// The cards of one level, with the subcircuits that it defines.
+struct Level {
+  std::vector<Card> cards;
+  std::map<std::string, Subcircuit> subcircuits;
+};
+
+Level sort_cards(const std::vector<Card>& cards, std::size_t& at, const Card* opened) {
+  Level level;
+  for (; at < cards.size(); ++at) {
+    const Card& card = cards[at];
+    if (card.words.empty()) continue;
+    if (card.words[0] == ".ends") {
+      if (opened) return level;
+      refuse(card, ".ends without .subckt", "remove it");
+    }
+    if (card.words[0] != ".subckt") {
+      level.cards.push_back(card);
+      continue;
+    }
+    if (card.words.size() < 2) refuse(card, ".subckt without a name", "write .subckt NAME nodes");
+    Subcircuit s{card, {}, card.given, {}, {}};
+    for (std::size_t i = 2; i < card.words.size() && card.words[i] != "params:"; ++i) s.nodes.push_back(card.words[i]);
+    Level inner = sort_cards(cards, ++at, &card);
+    s.cards = std::move(inner.cards);
+    s.inner = std::move(inner.subcircuits);
+    level.subcircuits[card.words[1]] = std::move(s);
+  }
+  if (opened) refuse(*opened, fmt::format("subcircuit '{}' has no .ends", opened->words[1]), "add .ends");
+  return level;
+}
+
+const std::set<std::string> skipped{".options", ".option",   ".opt",   ".save",  ".probe", ".print",
+                                    ".plot",    ".backanno", ".title", ".width", ".temp",  ".global"};
+const std::set<std::string> other_analyses{".op",   ".dc",   ".ac",      ".noise", ".tf",  ".four",
+                                           ".step", ".meas", ".measure", ".net",   ".wave"};
+
+// How many words an element has before its values.
+std::size_t nodes_of(char kind) { return kind == 'E' || kind == 'G' || kind == 'S' ? 4 : 2; }
+
+struct Scope {
+  const Scope* outer = nullptr;
+  std::string prefix;                        ///< "X1."
+  std::map<std::string, std::string> ports;  ///< nodes of the subcircuit: those outside
+  Parameters parameters;
+  std::map<std::string, Model> models;
+  const std::map<std::string, Subcircuit>* subcircuits = nullptr;
+};
+
+class Flattening {
+ public:
+  Flattening(Netlist& netlist, std::map<std::string, double> settings)
+      : netlist_(netlist), settings_(std::move(settings)) {}
+
+  void top(const Level& level) {
+    Scope scope;
+    scope.subcircuits = &level.subcircuits;
+    define(level.cards, scope);
+    for (const auto& [name, value] : settings_) {
+      if (!scope.parameters.has(lower(name)))
+        throw Error("--set", fmt::format("'{}' is no .param of the netlist", name), "use one of its .param names");
+      scope.parameters.set(lower(name), value);
+    }
+    for (const Card& card : level.cards)
+      if (card.words[0] == ".tran") read_tran(card, scope);
+    for (const Card& card : level.cards) take(card, scope);
+    netlist_.parameters = scope.parameters.values();
+    if (!used_skipped_.empty()) {
+      std::string list;
+      for (const std::string& word : used_skipped_) list += (list.empty() ? "" : " ") + word;
+      netlist_.notes.push_back("skipped: " + list);
+    }
+  }
+
+ private:
+  // Parameters, functions and models, which may stand behind their use.
+  void define(const std::vector<Card>& cards, Scope& scope) {
+    for (const Card& card : cards) {
+      const std::string& word = card.words[0];
+      if (word == ".param" || word == ".params") {
+        for (const auto& [name, value] : card.given) scope.parameters.define(name, value, card.place);
+      } else if (word == ".func") {
+        define_function(card, scope);
+      } else if (word == ".model") {
+        Model model = read_model(card);
+        scope.models[card.words[1]] = std::move(model);
+      }
+    }
+  }
+
+  static void define_function(const Card& card, Scope& scope) {
+    std::string text;
+    for (std::size_t i = 1; i < card.words.size(); ++i) text += card.words[i];
+    const std::size_t open = text.find('('), close = text.find(')');
+    if (open == std::string::npos || close == std::string::npos)
+      refuse(card, ".func without arguments in parentheses", "write .func f(a,b) {a*b}");
+    std::string body = text.substr(close + 1);
+    if (const auto given = card.given.begin(); body.empty() && given != card.given.end()) body = given->second;
+    scope.parameters.define_function(text.substr(0, open), split_arguments(text.substr(open, close - open + 1)), body);
+  }
+
+  void read_tran(const Card& card, const Scope& scope) {
+    std::vector<double> numbers;
+    for (std::size_t i = 1; i < card.words.size(); ++i) {
+      if (card.words[i] == "uic")
+        netlist_.use_initial = true;
+      else if (card.words[i] != "startup" && card.words[i] != "steady" && card.words[i] != "nodiscard")
+        numbers.push_back(scope.parameters.value(card.words[i], card.place, ".tran"));
+    }
+    if (numbers.empty()) refuse(card, ".tran without a time", "write .tran STEP STOP");
+    netlist_.stop = numbers.size() == 1 ? numbers[0] : numbers[1];
+    netlist_.step = numbers.size() == 1 ? 0 : std::abs(numbers[0]);
+    netlist_.start = numbers.size() > 2 ? numbers[2] : 0;
+    if (!(netlist_.stop > 0))
+      refuse(card, fmt::format("the end of .tran is {}", netlist_.stop), "give a positive time");
+    if (netlist_.start < 0 || netlist_.start >= netlist_.stop)
+      refuse(card, fmt::format("the start of .tran is {}", netlist_.start), "give one between 0 and the end");
+  }
+
+  void take(const Card& card, const Scope& scope) {
+    const std::string& word = card.words[0];
+    if (word[0] == '.') return take_directive(card, scope);
+    const char kind = char(std::toupper(static_cast<unsigned char>(word[0])));
+    if (kind == 'X') return take_subcircuit(card, scope);
+    if (kind == 'K') return take_coupling(card, scope);
+    if (std::string("RCLVIEGFHDSW").find(kind) == std::string::npos)
+      refuse(card, fmt::format("{}: elements of kind {} are not read", written_name(card), kind),
+             "use S with a .model SW for a transistor that switches, D for a junction");
+    Element e;
+    e.kind = kind;
+    e.place = card.place;
+    e.name = scope.prefix + written_name(card);
+    if (!names_.insert(lower(e.name)).second) refuse(card, fmt::format("{} is there twice", e.name), "rename one");
+    const std::size_t nodes = nodes_of(kind);
+    const bool by_current = kind == 'F' || kind == 'H' || kind == 'W';
+    if (card.words.size() < 1 + nodes + (by_current ? 1 : 0))
+      refuse(card, fmt::format("{}: {} words are too few", e.name, card.words.size()), "give its nodes and its value");
+    for (std::size_t i = 1; i <= nodes; ++i) {
+      if (nodes == 4 && i > 2 && (card.words[i].starts_with("poly") || card.words[i].starts_with("value")))
+        refuse(card, fmt::format("{}: {} is not read", e.name, card.words[i]), "give two controlling nodes and a gain");
+      e.nodes.push_back(node(card.words[i], scope, card));
+    }
+    if (by_current) e.controlled_by = lower(scope.prefix) + card.words[nodes + 1];
+    read_values(card, scope, 1 + nodes + (by_current ? 1 : 0), e);
+    netlist_.elements.push_back(std::move(e));
+  }
+
+  void read_values(const Card& card, const Scope& scope, std::size_t first, Element& e) {
+    const std::vector<std::string> rest(card.words.begin() + long(first), card.words.end());
+    const auto given = [&](const char* name) -> std::optional<double> {
+      const auto found = card.given.find(name);
+      if (found == card.given.end()) return std::nullopt;
+      return scope.parameters.value(found->second, card.place, e.name + ": " + name);
+    };
+    const auto number = [&] {
+      if (rest.empty()) {
+        for (const char* name : {"value", "r", "c", "l"})
+          if (const auto v = given(name)) return *v;
+        refuse(card, e.name + " has no value", "give one behind its nodes");
+      }
+      return scope.parameters.value(rest[0], card.place, e.name);
+    };
+    e.initial = given("ic");
+    switch (e.kind) {
+      case 'V':
+      case 'I':
+        e.source = read_waveform(rest, scope.parameters, card.place, netlist_.stop);
+        return;
+      case 'D':
+        if (rest.empty()) refuse(card, e.name + " names no model", "give one, such as .model DI D(Ron=10m Vfwd=0.5)");
+        e.diode = diode_model(model(rest[0], "d", card, scope, e), scope.parameters);
+        if (!e.diode.straightened.empty()) note(e.diode.straightened);
+        return;
+      case 'S':
+      case 'W':
+        if (rest.empty()) refuse(card, e.name + " names no model", "give one, such as .model SI SW(Ron=10m Vt=0.5)");
+        e.gate =
+            switch_model(model(rest[0], e.kind == 'S' ? "sw" : "csw", card, scope, e), scope.parameters, model_notes_);
+        for (const std::string& one : model_notes_) note(one);
+        model_notes_.clear();
+        return;
+      default:
+        break;
+    }
+    e.value = number();
+    if ((e.kind == 'R' && e.value == 0) || ((e.kind == 'C' || e.kind == 'L') && !(e.value > 0)))
+      refuse(card, fmt::format("{} = {}", e.name, e.value),
+             e.kind == 'R' ? "remove it and join its nodes, or give a resistance" : "give a positive value");
+    for (const char* name : {"rser", "rpar", "lser"})
+      if (const auto v = given(name); v && *v != 0) parasitic(card, name, *v, e);
+  }
+
+  // R in series (Rser) or parallel (Rpar) as an element of its own.
+  void parasitic(const Card& card, const std::string& name, double value, Element& e) {
+    if (name == "lser") refuse(card, e.name + ": Lser is not read", "write the inductor as an element of its own");
+    Element r;
+    r.kind = 'R';
+    r.place = e.place;
+    r.name = e.name + "." + name;
+    r.value = value;
+    if (name == "rpar") {
+      r.nodes = {e.nodes[0], e.nodes[1]};
+    } else {
+      const std::string inner = lower(e.name) + ".inner";
+      netlist_.written.emplace(inner, e.name + ".inner");
+      r.nodes = {inner, e.nodes[1]};
+      e.nodes[1] = inner;
+    }
+    netlist_.elements.push_back(std::move(r));
+  }
+
+  const Model& model(const std::string& name, const std::string& type, const Card& card, const Scope& scope,
+                     const Element& e) {
+    for (const Scope* s = &scope; s; s = s->outer)
+      if (const auto found = s->models.find(name); found != s->models.end()) {
+        if (found->second.type != type)
+          refuse(card, fmt::format("{}: the model '{}' is of type {}", e.name, name, found->second.type),
+                 fmt::format("give a model of type {}", type));
+        return found->second;
+      }
+    refuse(card, fmt::format("{}: there is no model '{}'", e.name, name),
+           fmt::format("add .model {} {}(...)", name, type));
+  }
+
+  void take_directive(const Card& card, const Scope& scope) {
+    const std::string& word = card.words[0];
+    if (word == ".param" || word == ".params" || word == ".func" || word == ".model" || word == ".tran") return;
+    if (word == ".ic" || word == ".nodeset") {
+      for (const auto& [name, value] : card.given)
+        if (word == ".ic" && name.starts_with("v(") && name.back() == ')')
+          netlist_.initial[node(name.substr(2, name.size() - 3), scope, card)] =
+              scope.parameters.value(value, card.place, ".ic");
+      return;
+    }
+    if (skipped.contains(word) || other_analyses.contains(word)) {
+      used_skipped_.insert(word);
+      return;
+    }
+    refuse(card, fmt::format("{} is unknown", word), "remove it");
+  }
+
+  void take_coupling(const Card& card, const Scope& scope) {
+    Coupling k{scope.prefix + written_name(card), card.place, {}, 0};
+    if (card.words.size() < 3) refuse(card, k.name + " names less than two inductors", "write K1 L1 L2 0.99");
+    const bool implied = card.words.back()[0] == 'l';  // the value may be left out
+    const std::size_t last = card.words.size() - (implied ? 0 : 1);
+    for (std::size_t i = 1; i < last; ++i) k.inductors.push_back(lower(scope.prefix) + card.words[i]);
+    k.value = implied ? 1 : scope.parameters.value(card.words.back(), card.place, k.name);
+    if (!(std::abs(k.value) <= 1))
+      refuse(card, fmt::format("{} = {}", k.name, k.value), "give a coupling from -1 to 1");
+    netlist_.couplings.push_back(std::move(k));
+  }
+
+  void take_subcircuit(const Card& card, const Scope& scope) {
+    if (++depth_ > 50) refuse(card, "subcircuits contain each other without end", "remove a call");
+    std::vector<std::string> words;
+    for (std::size_t i = 1; i < card.words.size() && card.words[i] != "params:"; ++i) words.push_back(card.words[i]);
+    const std::string name = written_name(card);
+    if (words.empty()) refuse(card, name + " names no subcircuit", "write X1 nodes NAME");
+    const std::string called = words.back();
+    words.pop_back();
+    const Subcircuit* s = nullptr;
+    for (const Scope* level = &scope; level && !s; level = level->outer)
+      if (const auto found = level->subcircuits->find(called); found != level->subcircuits->end()) s = &found->second;
+    if (!s) refuse(card, fmt::format("{}: there is no subcircuit '{}'", name, called), "add its .subckt");
+    if (s->nodes.size() != words.size())
+      refuse(card,
+             fmt::format("{}: subcircuit '{}' has {} nodes, found {}", name, called, s->nodes.size(), words.size()),
+             "give as many nodes");
+    Scope inner;
+    inner.outer = &scope;
+    inner.prefix = scope.prefix + name + ".";
+    inner.parameters = Parameters(&scope.parameters);
+    inner.subcircuits = &s->inner;
+    for (std::size_t i = 0; i < words.size(); ++i) inner.ports[s->nodes[i]] = node(words[i], scope, card);
+    for (const auto& [parameter, value] : s->defaults) inner.parameters.define(parameter, value, s->card.place);
+    define(s->cards, inner);
+    for (const auto& [parameter, value] : card.given)  // as the caller means them
+      inner.parameters.set(parameter, scope.parameters.value(value, card.place, name + ": " + parameter));
+    for (const Card& one : s->cards) take(one, inner);
+    --depth_;
+  }
+
+  std::string node(const std::string& word, const Scope& scope, const Card& card) {
+    if (word == "0" || word == "gnd") return "0";
+    if (const auto port = scope.ports.find(word); port != scope.ports.end()) return port->second;
+    const std::string name = lower(scope.prefix) + word;
+    const auto at = lower(card.text).find(word);
+    const std::string as_written = at == std::string::npos ? word : card.text.substr(at, word.size());
+    netlist_.written.emplace(name, scope.prefix + as_written);
+    return name;
+  }
+
+  static std::string written_name(const Card& card) { return card.text.substr(0, card.text.find_first_of(" \t")); }
+
+  void note(const std::string& line) {
+    if (std::find(netlist_.notes.begin(), netlist_.notes.end(), line) == netlist_.notes.end())
+      netlist_.notes.push_back(line);
+  }
+
+  Netlist& netlist_;
+  std::map<std::string, double> settings_;
+  std::set<std::string> names_, used_skipped_;
+  std::vector<std::string> model_notes_;
+  int depth_ = 0;
+};
+
+}  // namespace
+
+Netlist read_netlist(std::string_view text, const std::string& file_name, const std::filesystem::path& folder,
+                     const std::map<std::string, double>& settings) {
+  const Deck deck = read_cards(text, file_name, folder);
+  Netlist netlist;
+  netlist.title = deck.title;
+  netlist.inputs = deck.inputs;
+  std::size_t at = 0;
+  const Level level = sort_cards(deck.cards, at, nullptr);
+  Flattening(netlist, settings).top(level);
+  if (!(netlist.stop > 0)) throw Error(file_name, "there is no .tran", "add .tran STEP STOP");
+  if (netlist.elements.empty()) throw Error(file_name, "there is no element", "add elements behind the title line");
+  return netlist;
+}
+
+}  // namespace bromwich::circuits

@@ -1,0 +1,74 @@
+#pragma once
+// A netlist with its subcircuits written out: elements between nodes.
+
+#include "circuits/values.hpp"
+#include "circuits/waveform.hpp"
+
+#include <cmath>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace bromwich::circuits {
+
+/// The straight lines of a diode. Open below `forward`, then with slope 1/on; `off` parallel to it.
+struct DiodeModel {
+  double forward = 0;                         ///< V
+  double on = 0;                              ///< ohm
+  double off = INFINITY;                      ///< ohm
+  double reverse = INFINITY, on_reverse = 0;  ///< V, ohm: breakdown
+  std::string straightened;                   ///< of a junction model: what it has become; empty
+};
+
+struct SwitchModel {
+  double on = 1, off = INFINITY;  ///< ohm
+  double threshold = 0,
+         hysteresis = 0;  ///< V or A: closes above threshold + hysteresis, opens below threshold - hysteresis
+};
+
+struct Element {
+  char kind = 'R';   ///< R C L V I E G F H D S W
+  std::string name;  ///< as it is written, "X1.R1" in a subcircuit
+  Place place;
+  std::vector<std::string> nodes;  ///< in lower case; "0" is ground. E, G, S: the controlling ones behind
+  double value = 0;                ///< ohm, F, H, gain
+  std::optional<double> initial;   ///< IC=
+  Waveform source;                 ///< V, I
+  std::string controlled_by;       ///< F, H, W: a voltage source, in lower case
+  DiodeModel diode;
+  SwitchModel gate;
+};
+
+/// K: the coupling of the inductors, which are in lower case.
+struct Coupling {
+  std::string name;
+  Place place;
+  std::vector<std::string> inductors;
+  double value = 0;
+};
+
+struct Measurement {
+  std::string name;
+  std::vector<std::string> words;
+  Place place;
+};
+
+struct Netlist {
+  std::string title;
+  std::vector<Element> elements;
+  std::vector<Coupling> couplings;
+  std::map<std::string, std::string> written;  ///< nodes in lower case: as they are written first
+  std::map<std::string, double> initial;       ///< .ic V(node)=
+  std::map<std::string, double> parameters;    ///< .param of the top level
+  double step = 0, stop = 0, start = 0;        ///< .tran; step 0: not given
+  bool use_initial = false;                    ///< uic
+  std::vector<std::string> notes;              ///< what was skipped or straightened, one line each
+  std::vector<std::filesystem::path> inputs;
+};
+
+/// Throws Error naming file, line and element. `settings` replace parameters of the top level.
+Netlist read_netlist(std::string_view text, const std::string& file_name, const std::filesystem::path& folder,
+                     const std::map<std::string, double>& settings);
+
+}  // namespace bromwich::circuits

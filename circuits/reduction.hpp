@@ -1,0 +1,57 @@
+#pragma once
+// From a netlist to the matrices of its complementarity system.
+//
+// The network is solved for the signals s = (x, y, u, d) (circuits/network.hpp). Storage elements have K s' = d, with
+// s the voltage of a capacitor or the current of an inductor, and d its current or voltage. Those in a loop of
+// capacitors and voltage sources, or in a cutset of inductors and current sources, are in excess: s_t = P x + Q u. With
+//
+//     d_c = V_x x + V_y y + V_u u + V_d d_t,     d_t = (K_tc + K_tt P) x' + K_tt Q u',
+//     (K_cc + K_ct P - V_d (K_tc + K_tt P)) x' = V_x x + V_y y + V_u u + (V_d K_tt - K_ct) Q u'
+//
+// the state z = x - H u takes u' away: z' = A z + B y + (E^{-1} V_u + A H) u.
+
+#include "circuits/netlist.hpp"
+#include "core/base/types.hpp"
+
+#include <string>
+#include <vector>
+
+namespace bromwich::circuits {
+
+/// A row over (z, y, u, u').
+struct Row {
+  Eigen::RowVectorXd z, y, u, slope;
+};
+
+struct Pair {
+  std::string name;  ///< of the element, "D1", "S1.p"
+  Row w;
+};
+
+/// A switch that is opened and closed by sources.
+struct Gate {
+  Index element = 0;
+  Index source = 0;            ///< its number in u
+  double open, closed;         ///< values of this source: a bound
+  Eigen::RowVectorXd control;  ///< the control signal over u
+};
+
+struct Reduction {
+  Matrix A, B, F;                   ///< z' = A z + B y + F u
+  std::vector<Pair> pairs;          ///< w, one row each
+  std::vector<std::string> states;  ///< "V(C1)", "I(L1)"
+  std::vector<Index> storage;       ///< elements of the states
+  Matrix H;                         ///< x = z + H u
+  std::vector<Index> inputs;        ///< elements of the sources u_1, ..., in this order; gates behind
+  Index sources = 0;                ///< length of u
+  std::vector<Gate> gates;
+  std::vector<std::pair<std::string, Row>> voltages;  ///< of nodes
+  std::vector<std::pair<std::string, Row>> currents;  ///< of elements
+  std::vector<std::string> notes;
+  std::string summary;
+};
+
+/// Throws Error naming file, line and element where the network has no unique solution.
+Reduction reduce(const Netlist&);
+
+}  // namespace bromwich::circuits

@@ -1,0 +1,29 @@
+#pragma once
+// Independent sources: DC, PULSE, SIN, PWL, EXP, SFFM. Smooth between their breakpoints.
+
+#include "circuits/values.hpp"
+
+#include <functional>
+#include <string>
+#include <vector>
+
+namespace bromwich::circuits {
+
+struct Waveform {
+  std::function<double(double t)> value;  ///< at a jump the value behind it
+  std::function<double(double t)> slope;  ///< its derivative, behind a kink
+  /// Jumps and kinks in (0, T), increasing.
+  std::function<std::vector<double>(double T)> breakpoints;
+  double period = 0;   ///< 0: not periodic; infinite: constant
+  double largest = 0;  ///< about the largest |value|, for scales
+  bool constant = false;
+  bool linear = false;  ///< between its breakpoints
+};
+
+Waveform constant_waveform(double value);
+
+/// Of a card `V name n+ n- [DC v] [AC ...] [PULSE(...)]`: `words` behind the nodes. `stop`: of .tran, default of times.
+/// Throws Error naming the place.
+Waveform read_waveform(const std::vector<std::string>& words, const Parameters&, const Place&, double stop);
+
+}  // namespace bromwich::circuits

@@ -1,0 +1,128 @@
+// The language of netlists: numbers, cards, parameters, subcircuits, models, and what is refused in which words.
+
+#include "circuits/cards.hpp"
+#include "circuits/netlist.hpp"
+#include "circuits/values.hpp"
+#include "tests/circuits/circuits.hpp"
+
+#include <gtest/gtest.h>
+
+namespace bromwich {
+namespace {
+
+using namespace circuits;
+using test::message_of;
+
+Netlist netlist_of(const std::string& cards) { return read_netlist("title\n" + cards, "test.cir", {}, {}); }
+
+TEST(SpiceNumber, SuffixesUnitsAndDecimals) {
+  const std::pair<const char*, double> known[] = {
+      {"10", 10},     {"-1.5e-3", -1.5e-3}, {"10u", 10e-6}, {"10uF", 10e-6},   {"1kOhm", 1e3},
+      {"4k7", 4.7e3},
+
+      {"1Meg", 1e6},  {"2.5MEGohm", 2.5e6}, {"3m", 3e-3},   {"3mil", 76.2e-6}, {"1F", 1e-15},
+      {"5p", 5e-12},  {"7n", 7e-9},         {"8g", 8e9},    {"1t", 1e12},      {"+2", 2},
+      {".5", 0.5},    {"1\xc2\xb5", 1e-6},  {"12V", 12},    {"1e3k", 1e6},     {"0.1\xce\xbcH", 1e-7}};
+  for (const auto& [word, value] : known) {
+    const auto read = spice_number(word);
+    ASSERT_TRUE(read) << word;
+    EXPECT_DOUBLE_EQ(*read, value) << word;
+  }
+  EXPECT_EQ(*spice_number("10u"), 1e-5);  // exactly: periods are multiples of steps
+  for (const char* word : {"", "abc", "k1", "{1}", "+-1", "1 2"}) EXPECT_FALSE(spice_number(word)) << word;
+}
+
+TEST(Cards, CommentsContinuationsAndCase) {
+  const Deck deck = read_cards(
+      "R9 is the title\n* comment\nR1 A B 1k ; end\n\nV1 a 0 PULSE(0 5\n* between\n+ 0 1n 1n) $ more\n.END\nR2 c d 1\n",
+      "t.cir", {});
+  EXPECT_EQ(deck.title, "R9 is the title");
+  ASSERT_EQ(deck.cards.size(), 2u);
+  EXPECT_EQ(deck.cards[0].words, (std::vector<std::string>{"r1", "a", "b", "1k"}));
+  EXPECT_EQ(deck.cards[1].place.line, 5);
+  EXPECT_EQ(split_arguments(deck.cards[1].words.at(3)), (std::vector<std::string>{"pulse", "0", "5", "0", "1n", "1n"}));
+}
+
+TEST(Cards, ControlBlocksAreSkipped) {
+  EXPECT_EQ(read_cards("t\nR1 a 0 1\n.control\nrun\nplot v(a)\n.endc\nR2 a 0 1\n", "t.cir", {}).cards.size(), 2u);
+}
+
+TEST(Parameters, AnyOrderFunctionsAndScopes) {
+  const Netlist n = netlist_of(
+      ".param a={2*b} b = 3k, c='a+1'\n.func twice(x) {2*x}\nR1 n 0 {twice(a)+c}\nR2 n 0 b\n"
+      "X1 n 0 half PARAMS: r=a\n.subckt half p q PARAMS: r=1\nR1 p q {r/2}\n.ends\n.tran 1m\n");
+  ASSERT_EQ(n.elements.size(), 3u);
+  EXPECT_DOUBLE_EQ(n.elements[0].value, 2 * 6000 + 6001);
+  EXPECT_DOUBLE_EQ(n.elements[1].value, 3000);
+  EXPECT_EQ(n.elements[2].name, "X1.R1");
+  EXPECT_DOUBLE_EQ(n.elements[2].value, 3000);
+  EXPECT_EQ(n.elements[2].nodes, (std::vector<std::string>{"n", "0"}));
+}
+
+TEST(Models, LinesAndJunctions) {
+  const Netlist n = netlist_of(
+      "D1 a 0 line\nD2 a 0 junction\n.model line D(Ron=10m Roff=1Meg Vfwd = 0.5)\n.model junction D Is=1e-12 Rs=0.1 "
+      "N=2\n"
+      "R1 a 0 1\nS1 a 0 a 0 sw1\n.model SW1 SW (Ron=1m Von=3 Voff=1)\n.tran 1m\n");
+  EXPECT_DOUBLE_EQ(n.elements[0].diode.forward, 0.5);
+  EXPECT_DOUBLE_EQ(n.elements[0].diode.on, 0.01);
+  EXPECT_DOUBLE_EQ(n.elements[0].diode.off, 1e6);
+  EXPECT_NEAR(n.elements[1].diode.forward, 2 * 25.85e-3 * std::log(1e12 + 1), 1e-12);
+  EXPECT_DOUBLE_EQ(n.elements[1].diode.on, 0.1);
+  EXPECT_DOUBLE_EQ(n.elements[3].gate.threshold, 2);
+  EXPECT_DOUBLE_EQ(n.elements[3].gate.hysteresis, 1);
+  ASSERT_EQ(n.notes.size(), 1u);
+  EXPECT_NE(n.notes[0].find("junction"), std::string::npos);
+}
+
+TEST(Netlist, WhatIsSkippedIsNamedOnce) {
+  const Netlist n =
+      netlist_of("R1 a 0 1\n.save V(a)\n.options reltol=1e-3\n.save I(R1)\n.meas tran x AVG V(a)\n.tran 1m\n");
+  ASSERT_EQ(n.notes.size(), 1u);
+  EXPECT_EQ(n.notes[0], "skipped: .meas .options .save");
+}
+
+// Each refusal says the line, the element and what to do.
+TEST(NetlistMistakes, AreNamed) {
+  const std::string end = "\n.tran 1m\n";
+  const std::pair<std::string, const char*> mistakes[] = {
+      {"V1 a 0 1\nV2 a 0 2" + end, "test.cir: line 3: V2 closes a loop of voltage sources"},
+      {"I1 a 0 1" + end, "test.cir: line 2: I1: nothing but current sources leads to node a"},
+      {"R1 a 0 1\nE1 b 0 g 0 2\nR2 b 0 1" + end, "E1: node g is only sensed, nothing drives it"},
+      {"L1 a 0 1m\nL2 b 0 1m\nL3 c 0 1m\nR1 a b 1\nR2 b c 1\nK1 L1 L2 0.9\nK2 L2 L3 0.9\nK3 L1 L3 -0.9" + end,
+       "the inductance matrix is not positive"},
+      {"R1 a 0 1\nC1 a 0 1u\nS1 a 0 a 0 SI\n.model SI SW(Ron=1 Roff=1k)" + end,
+       "test.cir: line 4: switch S1 is controlled by the state of the circuit"},
+      {"R1 a 0 0" + end, "R1 = 0"},
+      {"R1 a 0 1\nR1 a 0 2" + end, "R1 is there twice"},
+      {"D1 a 0 DX\nR1 a 0 1" + end, "D1: there is no model 'dx'"},
+      {"R1 a 0 {x}" + end, "x"},
+      {"R1 a 0 y" + end, "R1: 'y' is neither a number nor a parameter"},
+      {"X1 a 0 sub\nR1 a 0 1" + end, "X1: there is no subcircuit 'sub'"},
+      {".subckt sub a\nR1 a 0 1\n.ends\nX1 a b sub" + end, "subcircuit 'sub' has 1 nodes, found 2"},
+      {".subckt sub a\nR1 a 0 1" + end, "subcircuit 'sub' has no .ends"},
+      {"R1 a 0 1\n", "there is no .tran"},
+      {"M1 a b c d nmos" + end, "M1: elements of kind M are not read"},
+      {"Q1 a b c npn" + end, "Q1: elements of kind Q are not read"},
+      {"R1 a 0" + end, "R1 has no value"},
+      {"R1 a" + end, "are too few"},
+      {"F1 a 0 V9 2\nR1 a 0 1" + end, "F1: there is no voltage source 'v9'"},
+      {"C1 a 0 -1u\nR1 a 0 1" + end, "C1 = "},
+      {"R1 a 0 {1" + end, "'{' has no '}'"},
+      {"+ R1 a 0 1" + end, "continues no line"},
+      {"K1 L1 L2 1\nL1 a 0 1" + end, "there is no inductor 'l2'"},
+      {"L1 a 0 1\nL2 a 0 1\nK1 L1 L2 1.5" + end, "K1 = 1.5"},
+      {".param p={p}\nR1 a 0 p" + end, "is defined by itself"},
+      {"V1 a 0 PWL(0 1 2)\nR1 a 0 1" + end, "PWL has no pairs"},
+      {"V1 a 0 1\nL1 a 0 1m" + end, "there is no operating point"},
+      {"V1 a 0 PULSE(0 1 0 0 0 1n 2n)\nR1 a b 1\nC1 b 0 1u\n.tran 1 uic", "PULSE has 5e+08 periods"},
+  };
+  for (const auto& [cards, words] : mistakes) {
+    const std::string message = message_of(cards);
+    EXPECT_NE(message.find(words), std::string::npos) << cards << "\nsaid: " << message;
+    EXPECT_EQ(message.find('\n'), std::string::npos) << message;
+  }
+}
+
+}  // namespace
+}  // namespace bromwich
