@@ -16,3 +16,11 @@ target_compile_options(bromwich_oracle PRIVATE "$<$<CONFIG:Release>:-O1>")
 find_package(fmt REQUIRED CONFIG) # the header was compiled with its definitions
 target_compile_definitions(bromwich_oracle PRIVATE $<TARGET_PROPERTY:fmt::fmt,INTERFACE_COMPILE_DEFINITIONS>)
 target_precompile_headers(bromwich_oracle REUSE_FROM bromwich_words)
+
+# bromwich_engineering: random circuits, masses and tanks, and the oracle that solves them.
+add_library(
+  bromwich_engineering STATIC
+  ${PROJECT_SOURCE_DIR}/tests/support/engineering_scene.cpp ${PROJECT_SOURCE_DIR}/tests/support/engineering_trial.cpp
+  ${PROJECT_SOURCE_DIR}/tests/support/lemke.cpp ${PROJECT_SOURCE_DIR}/tests/support/random_circuits.cpp
+  ${PROJECT_SOURCE_DIR}/tests/support/random_machines.cpp ${PROJECT_SOURCE_DIR}/tests/support/switched_flow.cpp)
+target_link_libraries(bromwich_engineering PUBLIC bromwich::files bromwich::core PRIVATE bromwich_build_options)

@@ -1,0 +1,279 @@
+// Random circuits, chains of masses and tanks, solved as users solve them and compared with an oracle of the tests that
+// shares no code with the solver.
+//
+//     bromwich_engineering_scenes [--kinds circuits,masses,tanks] [--count 200] [--first-seed 0] [--method auto]
+//         [--tol 1e-3 | --steps J] [--problems transient,periodic] [--tellings original,mirrored,permuted,units]
+//         [--seconds 20] [--jobs 1] [--list bad|all|none] [--files DIR] [--out FILE.json]
+//
+// Verdicts: right, missed (an error of up to three tolerances), wrong, refused, slow (stopped after --seconds of CPU
+// time), crashed, undecided (the oracle's two answers differ). With --steps errors are compared with --tol as well, for
+// information. --files: writes the scene files of what is listed. The exit code is 1 if a result is wrong or crashed.
+
+#include "core/build_info.hpp"
+#include "cpu/cpu_backend.hpp"
+#include "tests/support/engineering_trial.hpp"
+
+#include <nlohmann/json.hpp>
+
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <csignal>
+#include <cstdio>
+#include <ctime>
+#include <exception>
+#include <fstream>
+#include <iostream>
+#include <map>
+#include <sstream>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+namespace {
+
+using namespace bromwich;
+using namespace bromwich::oracle;
+using nlohmann::ordered_json;
+
+std::vector<std::string> words(const std::string& list) {
+  std::vector<std::string> all;
+  std::istringstream stream(list);
+  for (std::string word; std::getline(stream, word, ',');) all.push_back(word);
+  return all;
+}
+
+struct Arguments {
+  std::vector<std::string> kinds{"circuits", "masses", "tanks"}, problems{"transient"}, tellings{"original"};
+  std::uint32_t count = 200, first = 0;
+  Method method = Method::automatic;
+  double tolerance = 1e-3, seconds = 20;
+  Index steps = 0;
+  std::size_t jobs = 1;
+  std::string list = "bad", files, out;
+};
+
+Arguments parse(int argc, char** argv) {
+  Arguments a;
+  for (int i = 1; i < argc; i += 2) {
+    const std::string name = argv[i];
+    if (i + 1 == argc) throw std::invalid_argument(name + ": no value");
+    const std::string value = argv[i + 1];
+    if (name == "--kinds")
+      a.kinds = words(value);
+    else if (name == "--count")
+      a.count = std::uint32_t(std::stoul(value));
+    else if (name == "--first-seed")
+      a.first = std::uint32_t(std::stoul(value));
+    else if (name == "--method")
+      a.method = method_from_string(value);
+    else if (name == "--tol")
+      a.tolerance = std::stod(value);
+    else if (name == "--steps")
+      a.steps = std::stol(value);
+    else if (name == "--problems")
+      a.problems = words(value);
+    else if (name == "--tellings")
+      a.tellings = words(value);
+    else if (name == "--seconds")
+      a.seconds = std::stod(value);
+    else if (name == "--jobs")
+      a.jobs = std::stoul(value);
+    else if (name == "--list")
+      a.list = value;
+    else if (name == "--files")
+      a.files = value;
+    else if (name == "--out")
+      a.out = value;
+    else
+      throw std::invalid_argument(name + ": unknown; see the head of bench/engineering_scenes.cpp");
+  }
+  return a;
+}
+
+EngineeringScene made(const std::string& kind, std::uint32_t seed) {
+  if (kind == "circuits") return random_circuit(seed);
+  if (kind == "masses") return random_masses(seed);
+  if (kind == "tanks") return random_tanks(seed);
+  throw std::invalid_argument("--kinds: no '" + kind + "'");
+}
+
+Telling telling_of(const std::string& name) {
+  for (const Telling t : {Telling::original, Telling::mirrored, Telling::permuted, Telling::other_units})
+    if (std::string(to_string(t)).ends_with(name)) return t;
+  throw std::invalid_argument("--tellings: no '" + name + "'");
+}
+
+double cpu_seconds() { return double(std::clock()) / CLOCKS_PER_SEC; }
+
+/// One scene in a process of its own, which writes its judgement to `channel`.
+ordered_json judge(const Arguments& a, const EngineeringScene& s, const KnownFlow& known, bool periodic,
+                   Telling telling, std::uint32_t seed) {
+  Options options;
+  options.method = a.method, options.steps = a.steps, options.states = StateSelection::all;
+  if (a.steps == 0) options.tolerance = a.tolerance;
+  const auto backend = make_cpu_backend(1);
+  const double begin = cpu_seconds();
+  const EngineeringTrial t =
+      try_engineering(s, known, retold(s, telling, seed), periodic, options, *backend, a.tolerance);
+  ordered_json json{{"verdict", t.verdict},
+                    {"status", t.status},
+                    {"method", t.method},
+                    {"steps", t.steps},
+                    {"error", t.error},
+                    {"at", t.at},
+                    {"estimate", t.estimate},
+                    {"residual", t.residual},
+                    {"residual_at", t.residual_at},
+                    {"seconds", cpu_seconds() - begin}};
+  if (!t.reason.empty()) json["reason"] = t.reason;
+  if (!t.warning.empty()) json["warning"] = t.warning;
+  return json;
+}
+
+ordered_json in_process(const Arguments& a, const EngineeringScene& s, const KnownFlow& known, bool periodic,
+                        Telling telling, std::uint32_t seed) {
+  int channel[2];
+  if (pipe(channel) != 0) throw std::runtime_error("no pipe");
+  const pid_t child = fork();
+  if (child == 0) {
+    const rlim_t most = rlim_t(a.seconds) + 1, memory = rlim_t(4) << 30;
+    const rlimit cpu{most, most + 1}, space{memory, memory};
+    setrlimit(RLIMIT_CPU, &cpu), setrlimit(RLIMIT_AS, &space);
+    std::string text;
+    try {
+      text = judge(a, s, known, periodic, telling, seed).dump();
+    } catch (const std::exception& error) {
+      text = ordered_json{{"verdict", "crashed"}, {"reason", error.what()}}.dump();
+    }
+    const bool written = write(channel[1], text.data(), text.size()) == ssize_t(text.size());
+    _exit(written ? 0 : 3);
+  }
+  close(channel[1]);
+  std::string text;
+  char buffer[4096];
+  for (ssize_t got = 0; (got = read(channel[0], buffer, sizeof buffer)) > 0;) text.append(buffer, std::size_t(got));
+  close(channel[0]);
+  int status = 0;
+  waitpid(child, &status, 0);
+  if (!text.empty()) {
+    ordered_json json = ordered_json::parse(text);
+    if (json.value("seconds", 0.0) > a.seconds && json["verdict"] != "wrong") json["verdict"] = "slow";
+    return json;
+  }
+  const bool slow = WIFSIGNALED(status) && (WTERMSIG(status) == SIGXCPU || WTERMSIG(status) == SIGKILL);
+  return {{"verdict", slow ? "slow" : "crashed"}, {"seconds", slow ? a.seconds : 0.0}};
+}
+
+void judge_scene(const Arguments& a, const std::string& kind, std::uint32_t seed, std::FILE* out) {
+  const EngineeringScene s = made(kind, seed);
+  for (const std::string& problem : a.problems) {
+    const bool periodic = problem == "periodic";
+    // The oracle's own error has to be far below what is judged.
+    const double begin = cpu_seconds();
+    const KnownFlow known = known_flow(s, periodic, 0.1 * a.tolerance);
+    const double oracle_seconds = cpu_seconds() - begin;
+    for (const std::string& word : a.tellings) {
+      const Telling telling = telling_of(word);
+      ordered_json json{{"kind", kind},
+                        {"seed", seed},
+                        {"problem", problem},
+                        {"telling", to_string(telling)},
+                        {"states", s.states()},
+                        {"constraints", s.constraints()},
+                        {"oracle_seconds", oracle_seconds},
+                        {"oracle_events", known.flow.events}};
+      ordered_json found{{"verdict", "undecided"}, {"reason", known.reason}};
+      if (known.decided) found = in_process(a, s, known, periodic, telling, seed);
+      json.update(found);
+      const bool bad = json["verdict"] != "right" && json["verdict"] != "undecided";
+      if (!a.files.empty() && (bad || a.list == "all"))
+        std::ofstream(a.files + "/" + s.name + "-" + problem + (telling == Telling::original ? "" : "-" + word) +
+                      ".toml")
+            << scene_file(retold(s, telling, seed).scene, periodic);
+      if (a.list == "all" || (a.list == "bad" && bad)) std::cout << json.dump() << std::endl;
+      std::fprintf(out, "%s\n", json.dump().c_str());
+      std::fflush(out);
+    }
+  }
+}
+
+struct Tally {
+  std::map<std::string, std::map<std::string, long>> verdicts;
+  ordered_json rows = ordered_json::array();
+  long failures = 0;
+  double slowest = 0;
+
+  void add(const ordered_json& json) {
+    const std::string verdict = json["verdict"];
+    ++verdicts[json["kind"].get<std::string>() + ", " + json["problem"].get<std::string>() + ", " +
+               json["telling"].get<std::string>()][verdict];
+    failures += verdict == "wrong" || verdict == "crashed";
+    slowest = std::max(slowest, json.value("seconds", 0.0));
+    if (verdict != "right") rows.push_back(json);
+  }
+};
+
+/// Scene k in process k % jobs.
+Tally run(const Arguments& a) {
+  std::vector<std::FILE*> files;
+  std::vector<pid_t> processes;
+  for (std::size_t job = 0; job < a.jobs; ++job) {
+    std::FILE* file = std::tmpfile();
+    const pid_t process = fork();
+    if (process == 0) {
+      std::size_t k = 0;
+      for (const std::string& kind : a.kinds)
+        for (std::uint32_t i = 0; i < a.count; ++i)
+          if (k++ % a.jobs == job) judge_scene(a, kind, a.first + i, file);
+      _exit(0);
+    }
+    files.push_back(file), processes.push_back(process);
+  }
+  Tally tally;
+  for (std::size_t job = 0; job < a.jobs; ++job) {
+    int status = 0;
+    waitpid(processes[job], &status, 0);
+    if (status != 0) throw std::runtime_error("a process of the oracle ended early");
+    std::rewind(files[job]);
+    std::string line;
+    for (int c = 0; (c = std::fgetc(files[job])) != EOF;) {
+      if (c != '\n') {
+        line += char(c);
+        continue;
+      }
+      tally.add(ordered_json::parse(line));
+      line.clear();
+    }
+  }
+  return tally;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) try {
+  const Arguments a = parse(argc, argv);
+  const Tally tally = run(a);
+  for (const auto& [name, counts] : tally.verdicts) {
+    std::printf("%s:", name.c_str());
+    for (const auto& [verdict, count] : counts) std::printf(" %s %ld", verdict.c_str(), count);
+    std::printf("\n");
+  }
+  if (!a.out.empty()) {
+    ordered_json json{{"commit", build_info::commit},
+                      {"method", to_string(a.method)},
+                      {"tolerance", a.tolerance},
+                      {"steps", a.steps},
+                      {"count", a.count},
+                      {"first_seed", a.first},
+                      {"slowest_seconds", tally.slowest},
+                      {"verdicts", tally.verdicts},
+                      {"not_right", tally.rows}};
+    std::ofstream(a.out) << json.dump(1) << '\n';
+  }
+  return tally.failures == 0 ? 0 : 1;
+} catch (const std::exception& error) {
+  std::fprintf(stderr, "bromwich_engineering_scenes: %s\n", error.what());
+  return 2;
+}

@@ -1,0 +1,40 @@
+#pragma once
+// A result of an engineering scene beside the oracle's.
+
+#include "core/result/options.hpp"
+#include "core/result/result.hpp"
+#include "core/seam/backend.hpp"
+#include "tests/support/switched_flow.hpp"
+
+#include <optional>
+#include <string>
+
+namespace bromwich::oracle {
+
+/// The oracle's answer: the flow with short steps, and what one with longer steps says of it.
+struct KnownFlow {
+  Flow flow;
+  bool decided = false;
+  std::string reason;
+  double doubt = 0;  ///< distance of the two
+};
+/// `periodic`: the state that repeats. Undecided if the two answers are further apart than `doubt`.
+KnownFlow known_flow(const EngineeringScene&, bool periodic, double doubt);
+
+struct EngineeringTrial {
+  std::string verdict;  ///< right, missed (up to three tolerances), wrong, refused
+  std::string status, reason, warning, method;
+  double error = 0;     ///< of x, largest of all rows, relative to error_scale
+  double at = 0;        ///< where
+  double estimate = 0;  ///< of x, or NaN
+  double residual =
+      0;  ///< of rows: |min(y, w)| with the sources of either side, relative to the terms; NaN in y counts 1
+  double residual_at = 0;
+  Index steps = 0;
+};
+
+/// Solves the scene file of the retold scene and compares x with the known flow of the original one.
+EngineeringTrial try_engineering(const EngineeringScene&, const KnownFlow&, const Retold&, bool periodic,
+                                 const Options&, Backend&, double tolerance);
+
+}  // namespace bromwich::oracle
