@@ -64,6 +64,14 @@ void parse_error_control(const SolveArguments& a, Options& options, std::optiona
     throw Error(a.max_steps.empty() ? "--max-seconds" : "--max-steps", "is given without a tolerance", "add --tol EPS");
 }
 
+Index parse_nodes(const std::string& word, Method method) {
+  if (method != Method::contour_literal)
+    throw Error("--nodes", fmt::format("is given with method {}", to_string(method)), "add --method contour-literal");
+  const auto value = parse_count(word);
+  if (!value || *value < 2 || *value > 400) throw Error("--nodes", found(word), "give an integer from 2 to 400");
+  return Index(*value);
+}
+
 double parse_iteration_tolerance(const std::string& word) { return fraction("--iteration-tol", word, "1e-12"); }
 
 std::vector<std::string> method_names() {

@@ -26,6 +26,8 @@ void parse_error_control(const SolveArguments&, Options& options, std::optional<
 double parse_seconds(const std::string& argument, const std::string& word);
 /// A number strictly between 0 and 1.
 double parse_iteration_tolerance(const std::string& word);
+/// P of contour-literal; refused with other methods.
+Index parse_nodes(const std::string& word, Method method);
 Method parse_method(const std::string& word);
 /// "auto", "contour", ...: the words that parse_method accepts.
 std::vector<std::string> method_names();

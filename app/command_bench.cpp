@@ -38,6 +38,7 @@ constexpr auto benchmarks = std::to_array<Benchmark>({
     {"goal", "goal-oriented grids of port-Hamiltonian scenes: violation of the energy balance over steps and time",
      bench_goal},
     {"gpu", "the CUDA backend on signorini: one sweep in parts, whole solves, compared with the CPU", bench_gpu},
+    {"contours", "the paper's contours for other spectra and for x0, against dense exponentials", bench_contours},
     {"convolution", "the two ways to apply the kernel: exponential scan and FFT", bench_convolution},
     {"dual", "cycles in w on contact: contraction, and time compared with marching on one core", bench_dual, true},
     {"multigrid", "cycles on signorini: contraction, and cost to reach a tenth of the discretisation error",

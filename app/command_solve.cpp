@@ -80,6 +80,7 @@ Options solve_options(const SolveArguments& arguments, const SceneChoice& choice
   if (!choice.system) options.method = parse_method(arguments.method);
   if (!arguments.steps.empty()) options.steps = parse_steps(arguments.steps);
   options.event_location = arguments.event_location;
+  if (!arguments.nodes.empty()) options.tuning.literal_nodes = parse_nodes(arguments.nodes, options.method);
   parse_error_control(arguments, options, choice.tolerance, choice.circuit != nullptr);
   if (const double smallest = smallest_tolerance(options); smallest > 0 && options.method != Method::goal) {
     // A smaller iteration error than the tolerance needs would waste sweeps. A thousandth of it does not affect the

@@ -98,6 +98,7 @@ CLI::App* add_command(CLI::App& app, SolveArguments& a) {
   add_tolerances(command, a);
   add_word(command, "--iteration-tol", a.iteration_tolerance, "EPS",
            "stop iterating at this change of y, relative to max(1,|y|); default 1e-12, or a thousandth of --tol");
+  add_word(command, "--nodes", a.nodes, "P", "method contour-literal: P + 1 nodes for each time point; default 25");
   add_word(command, "--threads", a.threads, "N", "threads; default: all cores");
   add_word(command, "--states", a.states, "LIST",
            "state components to write: none, all, 0,3,7 or their names; default: the scene's, or none");

@@ -33,6 +33,12 @@ def contour_2_3():
     return rows
 
 
+def literal_nodes(P):
+    """z_p t, p = 0..P, of the printed contour (2.2)."""
+    v = np.arange(P + 1) * 2.0603 / math.sqrt(P)
+    return math.sqrt(P) / 4 * (1 + np.sin(1j * v - 0.794))
+
+
 def literal_error(P, parameters, angle, fine=False):
     """(1.7) for the integral of e^{lambda s} over [0, 1], over spectra in the sector of half-angle `angle`."""
     mu, g, step = parameters

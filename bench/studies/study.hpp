@@ -57,6 +57,8 @@ BenchReport bench_galerkin(const BenchRequest& request, Backend& backend);
 /// Throws Error without a CUDA device.
 BenchReport bench_gpu(const BenchRequest& request, Backend& backend);
 BenchReport bench_goal(const BenchRequest& request, Backend& backend);
+/// Throws Error for a SCENE: it has its own.
+BenchReport bench_contours(const BenchRequest& request, Backend& backend);
 BenchReport bench_convolution(const BenchRequest& request, Backend& backend);
 /// Throws Error for another scene. Also on the CUDA backend if a device is found.
 BenchReport bench_dual(const BenchRequest& request, Backend& backend);

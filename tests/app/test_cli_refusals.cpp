@@ -95,6 +95,8 @@ TEST_F(Cli, RefusesBadOptionValues) {
       {"--threads 4097", {"--threads", "4097", "4096"}},
       {"--threads many", {"--threads", "many"}},
       {"--iteration-tol 0", {"--iteration-tol", "'0'"}},
+      {"--nodes 25", {"--nodes", "--method contour-literal"}},
+      {"--method contour-literal --nodes 1", {"--nodes", "'1'", "2 to 400"}},
       {"--iteration-tol 1", {"--iteration-tol", "'1'"}},
       {"--iteration-tol -1e-3", {"--iteration-tol", "'-1e-3'"}},
       {"--iteration-tol nan", {"--iteration-tol", "nan"}},

@@ -2,6 +2,7 @@
 
 #include "core/catalogue/catalogue.hpp"
 #include "core/iteration/literal.hpp"
+#include "tests/support/oracle.hpp"
 #include "tests/support/run.hpp"
 
 #include <gtest/gtest.h>
@@ -60,11 +61,46 @@ TEST(Literal, TakesSourcesThroughTheirMatrix) {
   EXPECT_LE(distance(by_source.y, run(scene, options_for(Method::march, 64)).y), 100 * rate(64));
 }
 
-TEST(Literal, RefusesSpectraOutsideItsSector) {
-  const Result r = literal(make_scene("bridge"), 60, 25);
-  EXPECT_EQ(r.status, Status::unsupported);
-  EXPECT_NE(r.reason.find("44.5 degrees"), std::string::npos) << r.reason;
-  EXPECT_EQ(r.y.rows(), 61);
+// Remarks 2.1 and 2.4: imaginary, zero, unstable and weakly damped eigenvalues, where the printed contour does not
+// enclose the spectrum. The same steps by matrix exponentials as the oracle.
+TEST(Literal, EnclosesSpectraOutsideThePrintedSector) {
+  for (const Matrix& A :
+       {Matrix{{0, 1}, {-4, 0}}, Matrix{{0, 1}, {0, 0}}, Matrix{{0, 1}, {1, 0}}, Matrix{{0, 1}, {-4, -0.5}}}) {
+    Scene scene;
+    scene.dynamics = DenseDynamics{A, Matrix{{0}, {1}}, Matrix{{1, 0}}};
+    scene.M = Matrix{{2}};
+    scene.x0 = Vector{{1, 0}};
+    scene.T = 3;
+    scene.f = [](double t, Eigen::Ref<Vector> f) { f << 0, -2 * std::cos(3 * t); };
+    const Index J = 60;
+    const Result r = literal(scene, J, 64);
+    ASSERT_EQ(r.status, Status::solved) << A << ": " << r.reason;
+    EXPECT_NE(r.kernel.find("circles"), std::string::npos) << r.kernel;
+    const oracle::Trajectory expected = oracle::march(oracle::write_out(scene), J);
+    // Twenty times the rate, as for the contours themselves, times ||N|| ||B|| T (max |y| + max |f|) e^T for the
+    // growth.
+    EXPECT_LE(distance(r.y, expected.y), 20 * rate(64) * 3 * 4 * std::exp(3.0)) << A;
+  }
+}
+
+// e^{At} x0 by the contour of Remark 2.3, to e^{-2.32 P} and rounding of eps e^{0.353 P}, P = 14: 6e-14 of |x0|.
+TEST(Literal, TakesTheSecondContourForTheInitialState) {
+  Scene scene;
+  const Matrix A{{-3, 1}, {1, -40}};
+  scene.dynamics = DenseDynamics{A, Matrix{{1}, {0}}, Matrix{{-1, 2}}};
+  scene.M = Matrix{{1}};
+  scene.x0 = Vector{{5, -7}};
+  scene.g = [](double, Eigen::Ref<Vector> g) { g << 100; };  // y = 0
+  scene.T = 2;
+  Options options = options_for(Method::contour_literal, 40);
+  options.trace = true;
+  const Result r = run(scene, options);
+  ASSERT_EQ(r.status, Status::solved) << r.reason;
+  EXPECT_EQ(r.y.cwiseAbs().maxCoeff(), 0);
+  for (Index j = 0; j <= 40; ++j) {
+    const double exact = (Matrix{{-1, 2}} * oracle::exponential(r.t[j] * A) * scene.x0)(0);
+    EXPECT_NEAR(r.trace(j, 0), exact, 1e-13 * 20 * scene.x0.norm()) << r.t[j];
+  }
 }
 
 TEST(Literal, RefusesSystemsFarFromNormal) {

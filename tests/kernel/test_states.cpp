@@ -126,7 +126,6 @@ TEST(Trace, IsNTimesTheState) {
   for (const char* name : {"dlcp-small", "bridge"})
     for (const Method method : {Method::contour, Method::contour_literal, Method::march, Method::euler}) {
       const Scene scene = make_scene(name);
-      if (method == Method::contour_literal && scene.name == "bridge") continue;  // eigenvalues on the imaginary axis
       Options options = options_for(method, 64);
       options.states = StateSelection::all;
       options.trace = true;
