@@ -19,22 +19,26 @@ def gpu_sweeps(data):
     return lines
 
 
-def gpu_splits(data):
+# Table 4.1, Case II, of the paper (h = 0.01): by 1/dx the shares of LCP, linear algebra, interpolation and communication, %.
+printed_case_two = {16: (46.9, 37.9, 4.5, 10.7), 32: (46.1, 37.3, 4.7, 11.9), 64: (49.3, 34.1, 5.1, 14.2),
+                    128: (40.1, 40.2, 6.3, 13.4), 256: (30.2, 51.7, 6.6, 11.5), 512: (22.8, 56.8, 7, 13.4)}
+
+
+def case_two():
+    """{1/dx: the sweep here} for the columns that are measured."""
+    rows = {round(row["Q"]) + 1: row for row in sweeps_of_table() if row["steps"] == 400}
+    return {cells: rows[cells] for cells in printed_case_two if cells in rows}
+
+
+def gpu_splits():
     """Table 4.1 of the paper beside the same split here; there is no interpolation in a sweep. The parts are timed alone,
     so that their sum may exceed the sweep: shares are of the larger of the two."""
-    paper = [row for row in data["rows"] if row["part"] == "paper, Table 4.1"]
-    if not paper:
-        return []
     lines = ["", "| dx | the paper: LCP, linear algebra, interpolation, communication | here: LCP, transforms and scan, the rest |", "|--" * 3 + "|"]
-    ours = {round(row["Q"]) + 1: row for row in [*data["rows"], *sweeps_of_table()] if row["part"] == "sweep" and row["steps"] == 400}
-    for row in paper:
-        here = ours.get(row["cells"]) or ours[40]
-        sweep = here["seconds"]["median"]
-        whole = sweep + max(0.0, -here["other"])
+    for cells, here in case_two().items():
+        whole = here["seconds"]["median"] + max(0.0, -here["other"])
         lcp, rest = here["lcp"]["median"] / whole, max(0.0, here["other"]) / whole
-        dx = f"1/{row['cells']}" if row["cells"] in ours else f"1/{row['cells']} (here 1/40)"
-        split = ", ".join(f"{row[key]:g} %" for key in ("lcp", "linear_algebra", "interpolation", "communication"))
-        lines.append(f"| {dx} | {split} | {100 * lcp:.0f} %, {100 * (1 - lcp - rest):.0f} %, {100 * rest:.0f} % |")
+        split = ", ".join(f"{share:g} %" for share in printed_case_two[cells])
+        lines.append(f"| 1/{cells} | {split} | {100 * lcp:.0f} %, {100 * (1 - lcp - rest):.0f} %, {100 * rest:.0f} % |")
     return lines
 
 
@@ -75,7 +79,7 @@ def gpu(data):
     device = data["parameters"]
     return [
         *gpu_sweeps(data),
-        *gpu_splits(data),
+        *gpu_splits(),
         *gpu_solves(data),
         *gpu_operations(data),
         "",

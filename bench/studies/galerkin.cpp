@@ -51,8 +51,10 @@ void refuse_unused_scene(const BenchRequest& request) {
   if (request.scene)
     throw Error("SCENE", fmt::format("found '{}'", *request.scene),
                 "leave it out: this study uses bridge, nash-game, lq-control and periodic-rectifier");
-  if (!request.settings.empty() || request.steps > 0)
-    throw Error(request.steps > 0 ? "--steps" : "--set", "this study has sizes of its own", "leave it out");
+  const bool ratios_alone = request.settings.size() == 1 && request.settings.contains("ratios");
+  if ((!request.settings.empty() && !ratios_alone) || request.steps > 0)
+    throw Error(request.steps > 0 ? "--steps" : "--set", "this study has sizes of its own",
+                "leave it out, or set ratios = 1");
 }
 
 }  // namespace
@@ -105,6 +107,11 @@ BenchReport bench_galerkin(const BenchRequest& request, Backend& backend) {
   report.details["euler"] =
       "implicit Euler of all steps at once with the same exchange of active sets and two-point solves as Galerkin "
       "where values are given at both ends, step by step otherwise";
+  if (request.settings.contains("ratios")) {  // errors without times
+    study_ratios(request, backend, report);
+    print_with_notes("", report);
+    return report;
+  }
   study_convergence(request, backend, report);
   study_spaces(request, backend, report);
   study_galerkin_cost(request, backend, report);

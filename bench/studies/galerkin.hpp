@@ -22,6 +22,9 @@ Json to_json(const TimeErrors&);
 /// Errors of Galerkin and implicit Euler against steps and time; switches and cost of the control problem.
 void study_convergence(const BenchRequest&, Backend&, BenchReport&);
 
+/// Errors of implicit Euler over those of Galerkin on the grids about the step of example 5.1.
+void study_ratios(const BenchRequest&, Backend&, BenchReport&);
+
 /// Approximation by the spaces of functions: projections of the exact control (Fig. 3), and the smallest eigenvalue of
 /// the operator (Fig. 6).
 void study_spaces(const BenchRequest&, Backend&, BenchReport&);

@@ -17,15 +17,6 @@ namespace bromwich::app {
 
 namespace {
 
-/// Table 4.1 (h = 0.01) of the paper on Laplace inversion, on its NVIDIA GTX 660, in percent.
-struct PaperSplit {
-  int cells;  ///< 1/dx
-  double lcp, linear_algebra, interpolation, communication;
-};
-constexpr PaperSplit paper_splits[] = {{32, 46.1, 37.3, 4.7, 11.9},
-                                       {128, 40.1, 40.2, 6.3, 13.4},
-                                       {256, 30.2, 51.7, 6.6, 11.5},
-                                       {512, 22.8, 56.8, 7, 13.4}};
 /// What the text says of Fig. 4.10 at h = 0.01: the iteration there, implicit Euler on one core of an i7-3770K.
 struct PaperTimes {
   double dx, iteration, euler;  ///< seconds
@@ -33,13 +24,6 @@ struct PaperTimes {
 constexpr PaperTimes times_of_paper[] = {{0.025, 30, 27.5 * 60}, {1. / 512, 1.4 * 3600, 15 * 3600}};
 
 void add_paper(BenchReport& report) {
-  for (const PaperSplit& s : paper_splits)
-    report.rows.push_back({{"part", "paper, Table 4.1"},
-                           {"cells", s.cells},
-                           {"lcp", s.lcp},
-                           {"linear_algebra", s.linear_algebra},
-                           {"interpolation", s.interpolation},
-                           {"communication", s.communication}});
   for (const PaperTimes& t : times_of_paper)
     report.rows.push_back(
         {{"part", "paper, Fig. 4.10"}, {"dx", t.dx}, {"iteration_seconds", t.iteration}, {"euler_seconds", t.euler}});
