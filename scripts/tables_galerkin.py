@@ -1,4 +1,5 @@
 """The tables of docs/measurements/galerkin.md that come from `bromwich bench galerkin`."""
+import evidence
 from evidence import machine, number, seconds
 
 norms = {"y_L2": "y in L2", "x_L2": "x in L2", "y_at_T": "y(T)", "x_at_T": "x(T)"}
@@ -89,11 +90,11 @@ def eigenvalues(data):
     return lines
 
 
-def ratio(data):
+def ratio():
     return [
-        f"- bridge, h = {row['h']:.2g}: the error of implicit Euler is {row['x_at_T']:.3g} times that of Galerkin for x(T), "
+        f"- bridge, {row['steps']} steps, h = {row['h']:.5g}: the error of implicit Euler is {row['x_at_T']:.3g} times that of Galerkin for x(T), "
         f"{row['x_L2']:.3g} times for x and {row['y_L2']:.3g} times for y in L2."
-        for row in rows_of(data, "ratio")
+        for row in evidence.load("galerkin-ratios")["rows"]
     ]
 
 
@@ -107,7 +108,7 @@ def galerkin(data):
         "",
         *finest(data),
         "",
-        *ratio(data),
+        *ratio(),
         *control(data),
         *unsolved(data),
         "",
