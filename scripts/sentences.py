@@ -59,6 +59,12 @@ def case_two():
         yield f"Case II is [measured on a device](../measurements/gpu.md) at all {len(printed)} columns of the paper's table."
 
 
+def choices_of_auto():
+    methods = [r["method"] for r in evidence.load("scenes")["rows"] if r.get("method")]
+    if not {"contour", "multigrid"} & set(methods):
+        yield f"In none of the {len(methods)} example scenes does `auto` take the iteration ([scenes](../scenes.md))"
+
+
 def sweeps_of_signorini():
     rows = evidence.load("paper")["rows"]
     shares = [r["sweeps_to_tolerance"] / (1 / r["dx"] - 1) for r in rows if r["figure"] == "4.6 right"]
@@ -96,7 +102,7 @@ sentences = {
     "docs/method.md": (sweeps_of_signorini,),
     "docs/nonlinear.md": (nonlinear_device, shockley),
     "docs/measurements/paper.md": (comparison,),
-    "docs/papers/laplace.md": (case_two,),
+    "docs/papers/laplace.md": (case_two, choices_of_auto),
     "docs/stability.md": (given_steps,),
 }
 

@@ -19,7 +19,6 @@ constexpr double number = sizeof(double);
 constexpr double most_operations = 1e16;  ///< a month at 4e9 multiplications a second
 constexpr double iteration_sweeps = 100;  ///< of an iteration, as Cost::operations says
 constexpr double sweeps_in_cycles = 60;   ///< eight cycles, coarser grids included
-constexpr double printed_nodes = 26;      ///< P + 1 of Tuning::literal_nodes
 /// Entries of L and U over m^1.2: 9.1 to 10.7 for five-point stencils on squares of 32^2 to 256^2 points, COLAMD.
 constexpr double factor_entries = 10.5;
 constexpr double bytes_of_entry = sizeof(double) + sizeof(int);  ///< of a real sparse factor
@@ -50,7 +49,8 @@ Cost sum(const std::vector<Part>& parts, double operations) {
 struct Sizes {
   double m, n, J, c, k;  ///< J: time points
   int threads = 1;
-  double edges = 0;  ///< with contact on a face: the sum of its extents; else 0
+  double edges = 0;   ///< with contact on a face: the sum of its extents; else 0
+  double nodes = 26;  ///< of contour-literal, P + 1; circles around eigenvalues are not counted
   double table() const { return number * J * (6 * n + k + c); }
 };
 
@@ -78,8 +78,8 @@ Cost with_small_state(const Sizes& s, Method method) {
   const double forcing = s.k > 0 ? number * s.J * s.m : 0;
   if (method == Method::contour_literal)
     return sum({{s.table(), tables},
-                {printed_nodes * sizeof(Complex) * s.J * s.n * s.n, "resolvents of every time point (26 J x n x n)"}},
-               printed_nodes * s.J * (s.m * s.m * s.m + iteration_sweeps * s.J * s.n));
+                {s.nodes * sizeof(Complex) * s.J * s.n * s.n, "resolvents of every time point (nodes x J x n x n)"}},
+               s.nodes * s.J * (s.m * s.m * s.m + iteration_sweeps * s.J * s.n));
   // W_d and S_d from both ways to them, 64 lags to check a scan with or all; then one of the two beside its spectrum.
   const double all = cycles(method) ? 7 : 5;
   const double table = !convolves(method) ? 0 : scanned(s) ? 4 * std::min(s.J, 65.) : all * s.J;
@@ -109,8 +109,8 @@ Cost in_modes(const Sizes& s, Method method) {
   const double lines = s.m / s.n;
   if (method == Method::contour_literal)
     return sum({{s.table(), tables},
-                {printed_nodes * sizeof(Complex) * s.J * s.n, "resolvents of every time point (26 J x n)"}},
-               iteration_sweeps * printed_nodes * s.J * s.J * s.n);
+                {s.nodes * sizeof(Complex) * s.J * s.n, "resolvents of every time point (nodes x J x n)"}},
+               iteration_sweeps * s.nodes * s.J * s.J * s.n);
   // A sweep in modes: 64 exponentials at most and their sums (150), two sine transforms as products of up to 1000 rows.
   if (convolves(method))
     return sum({{s.table() + number * 6 * s.J * s.n, tables}, grids(s, method, 9), coarsest_march(s, method)},
@@ -288,7 +288,10 @@ Cost refuse_what_does_not_fit(const Scene& scene, const Options& options, Index 
   const std::array<Method, 3> all{Method::march, Method::contour, Method::euler};
   for (const Method method : all) {
     const Method chosen = options.method == Method::automatic ? method : options.method;
-    const Cost cost = predicted_cost(scene, chosen, J, components, device.threads);
+    Sizes s = sizes(scene, J, components, device.threads);
+    s.nodes = double(options.tuning.literal_nodes) + 1;
+    const Cost cost = chosen == Method::contour_literal ? cost_of(*scene.dynamics, s, chosen)
+                                                        : predicted_cost(scene, chosen, J, components, device.threads);
     std::string because = excess(cost, options.memory_limit);
     const bool on_machine = because.empty();
     if (on_machine && !fits_on_device(scene, chosen, J, components, device))

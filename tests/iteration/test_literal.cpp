@@ -103,6 +103,16 @@ TEST(Literal, TakesTheSecondContourForTheInitialState) {
   }
 }
 
+// The resolvents alone: P + 1 complex numbers for each time point and constraint.
+TEST(Literal, PredictsTheMemoryOfItsNodes) {
+  const Scene scene = make_scene("signorini", {{"Q", 7}});
+  for (const Index P : {25, 200}) {
+    const Result r = literal(scene, 16, P);
+    ASSERT_EQ(r.status, Status::solved) << r.reason;
+    EXPECT_GE(r.bytes_predicted, std::size_t(16 * 16 * (P + 1) * 7)) << P;
+  }
+}
+
 TEST(Literal, RefusesSystemsFarFromNormal) {
   // All eigenvalues are -1, but the resolvent is not bounded accordingly: (2.1b) does not hold.
   Scene scene = make_scene("dlcp-small");
