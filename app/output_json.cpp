@@ -109,6 +109,8 @@ Json to_json(const SceneChoice& choice, const Result& result, int threads, const
   json["starts_with_impulse"] = result.starts_with_impulse;
   json["residual"] = result.residual;
   json["boundary_residual"] = nullable(result.boundary_residual);
+  json["multipliers"] = Json::array();
+  for (const Complex& z : result.multipliers) json["multipliers"].push_back({z.real(), z.imag()});
   json["warning"] = result.warning;
   json["magnification"] = result.magnification;
   json["algebraic_error"] = nullable(result.algebraic_error);

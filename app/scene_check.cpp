@@ -11,6 +11,7 @@
 #include "core/scene/mass_matrix.hpp"
 #include "core/scene/separable.hpp"
 #include "core/scene/source_steps.hpp"
+#include "core/solve/shooting_control.hpp"
 #include "core/solve/cost.hpp"
 #include "core/solve/method_choice.hpp"
 #include "core/solve/methods.hpp"
@@ -102,10 +103,14 @@ std::vector<Method> methods_of(const Scene& given, const Scene& scene, const Bac
                                const Options& options, Index J, std::string& refusal) {
   const bool singular = !given.boundary && !given.free_rows.empty() && !can_eliminate_free(given);
   if (given.boundary || singular) {
-    if (options.method != Method::automatic && options.method != Method::galerkin)
-      refusal = given.boundary ? "the scene has boundary values, which only method galerkin takes"
+    const std::string unsuited = unsuited_to_shooting(scene);
+    if (options.method == Method::shooting && !unsuited.empty()) refusal = "method shooting: " + unsuited;
+    if (options.method != Method::automatic && options.method != Method::galerkin &&
+        options.method != Method::shooting)
+      refusal = given.boundary ? "the scene has boundary values, which only methods shooting and galerkin take"
                                : "the free rows and columns of M form a singular matrix: use method galerkin";
-    return {Method::galerkin};
+    if (options.method == Method::galerkin || !unsuited.empty()) return {Method::galerkin};
+    return {Method::shooting};
   }
   if (options.method == Method::goal && !given.port) refusal = "method goal takes port-Hamiltonian scenes only";
   if (options.method != Method::automatic) return {options.method};

@@ -1,12 +1,21 @@
 #include "core/derivatives/result_derivative.hpp"
 
 #include "core/base/error.hpp"
+#include "core/solve/solve.hpp"
 
 namespace bromwich {
 
 namespace {
 
 constexpr Index largest_located_states = 64, largest_located_constraints = 48;
+
+// Of the grid of a result by shooting.
+Result by_galerkin(const Scene& scene, Backend& backend, const Result& result) {
+  Options options;
+  options.method = Method::galerkin;
+  options.steps = result.steps;
+  return solve(scene, backend, options);
+}
 
 }  // namespace
 
@@ -37,7 +46,7 @@ ResultDerivative::ResultDerivative(const Scene& scene, const Result& result, Bac
   const bool solved = result.status == Status::solved, all_times = choice.all_times;
   const bool jumps = solved && (y_may_jump(result) || result.method == Method::events);
   if (scene.boundary && !all_times && !choice.located.value_or(false)) {
-    galerkin_.emplace(scene, result);
+    galerkin_.emplace(scene, result.method == Method::shooting ? by_galerkin(scene, backend, result) : result);
     form_ = DerivativeForm::boundary;
     return;
   }

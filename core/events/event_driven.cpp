@@ -66,6 +66,7 @@ class EventIntegration {
     ends.push_back(T_);
     solution_.complete = std::all_of(ends.begin(), ends.end(), [this](double end) { return advance_to(end); });
     solution_.until = at_.t;
+    solution_.work = at_.work;
     return std::move(solution_);
   }
 

@@ -47,6 +47,7 @@ struct EventSolution {
   bool interrupted = false;
   std::string reason;  ///< why it is not complete
   double until = 0;    ///< the solution is known up to here
+  double work = 0;     ///< floating-point operations, about
   Index events = 0, jumps = 0, accumulations = 0, breakpoints = 0;
   double defect = 0;       ///< largest last coefficients of all steps, as the tolerance counts them
   Vector doubt;            ///< n: error of y, since values below rounding and `tolerance` counted as zero

@@ -20,7 +20,17 @@ constexpr Index most_looked_at = 64;         ///< states: above, the eigenvalues
 constexpr Index coarse_intervals = 32;
 constexpr double clearly_positive = 1e-6;  ///< an eigenvalue, relative to M: as well as it is computed
 
-// The rows [E0 ET] alone: more than m conditions, or fewer, whatever the dynamics.
+// With the weight e^{-exponent t/T} the boundary condition may leave states open that it determines without.
+std::optional<double> eigenvalue_where_determined(const Scene& scene, Index N, double exponent) {
+  try {
+    return smallest_symmetric_eigenvalue(scene, N, exponent / scene.T);
+  } catch (const Error&) {
+    return std::nullopt;
+  }
+}
+
+}  // namespace
+
 void require_independent_rows(const BoundaryCondition& c) {
   const Index m = c.b.size();
   Matrix rows(m, 2 * m);
@@ -45,17 +55,6 @@ void require_independent_rows(const BoundaryCondition& c) {
                   (contradict ? " and b contradicts them" : ""),
               "give independent conditions, one per state");
 }
-
-// With the weight e^{-exponent t/T} the boundary condition may leave states open that it determines without.
-std::optional<double> eigenvalue_where_determined(const Scene& scene, Index N, double exponent) {
-  try {
-    return smallest_symmetric_eigenvalue(scene, N, exponent / scene.T);
-  } catch (const Error&) {
-    return std::nullopt;
-  }
-}
-
-}  // namespace
 
 double require_determined_states(const GalerkinProblem& p) {
   if (p.initial_value) return 1;

@@ -257,14 +257,15 @@ void solve_on_grid(const Scene& scene, Backend& backend, const InnerOptions& opt
   if (!s.unique) check_uniqueness(scene, p.N, result);
 }
 
-// The same with nodes at the switches, repeated until the switches do not move beyond the accuracy of y.
-void solve_with_located_switches(const Scene& scene, Backend& backend, const InnerOptions& options,
-                                 SharedDynamics& shared, Result& result) {
+// The same with nodes at the switches and at `breakpoints`, repeated until the switches do not move beyond the accuracy
+// of y. False if the result is left as it is.
+bool solve_with_located_switches(const Scene& scene, Backend& backend, const InnerOptions& options,
+                                 SharedDynamics& shared, const std::vector<double>& breakpoints, Index N,
+                                 Result& result) {
   constexpr int most_locations = 5;
-  const Index N = result.steps;
   for (int pass = 0; pass < most_locations && result.status == Status::solved; ++pass) {
-    const LocatedGrid grid = locate_switches(scene, result, N);
-    if (pass > 0 && same_grid(grid.parts, grid_parts(result.t), 0.1 * scene.T / double(N * N))) return;
+    const LocatedGrid grid = locate_switches(scene, result, breakpoints, N);
+    if (pass > 0 && same_grid(grid.parts, grid_parts(result.t), 0.1 * scene.T / double(N * N))) return true;
     Result located;
     located.method = result.method;
     located.backend = result.backend;
@@ -273,7 +274,7 @@ void solve_with_located_switches(const Scene& scene, Backend& backend, const Inn
     solve_on_grid(scene, backend, options, shared, grid.parts, &result, nullptr, located);
     if (located.status != Status::solved && located.status != Status::interrupted) {
       add_warning(result, "with nodes at the switches it is not solved (" + located.reason + ")");
-      return;
+      return pass > 0;
     }
     located.kernel += text("; %ld switches on nodes", long(grid.located));
     if (grid.missed > 0)
@@ -283,14 +284,15 @@ void solve_with_located_switches(const Scene& scene, Backend& backend, const Inn
     located.lcp += result.lcp;
     result = std::move(located);
   }
+  return result.status == Status::solved;
 }
 
-// Whether intervals are divided at breakpoints: every length has its own phi-functions. Located switches have a grid of
-// their own, and initial values are marched by methods that divide their steps.
+// Whether intervals are divided at breakpoints: every length has its own phi-functions. Initial values are marched by
+// methods that divide their steps.
 bool divides_intervals(const Scene& scene, const InnerOptions& options, Index N) {
   constexpr double most_operations = 3e9;
   const double m = double(scene.states()), parts = 2 * double(scene.breakpoints.size());
-  return scene.boundary && !options.event_location && parts > 0 && parts <= 4 * double(N) + 64 &&
+  return (scene.boundary || options.event_location) && parts > 0 && parts <= 4 * double(N) + 64 &&
          parts * 200 * m * m * m <= most_operations;
 }
 
@@ -317,11 +319,13 @@ Result solve_by_galerkin(const Scene& scene, Backend& backend, const InnerOption
     const BrokenGrid broken = divides_intervals(scene, options, N) ? divide_at_breakpoints(scene, N) : BrokenGrid();
     if (broken.divided()) {
       solve_on_grid(scene, backend, options, *shared, broken.parts, nullptr, &broken, result);
-      keep_nodes(broken, result);
     } else {
       solve_on_grid(scene, backend, options, *shared, {{scene.T, N}}, nullptr, nullptr, result);
     }
-    if (options.event_location) solve_with_located_switches(scene, backend, options, *shared, result);
+    const std::vector<double> breakpoints = broken.divided() ? scene.breakpoints : std::vector<double>();
+    const bool located = options.event_location &&
+                         solve_with_located_switches(scene, backend, options, *shared, breakpoints, N, result);
+    if (broken.divided() && !located) keep_nodes(broken, result);
   }
   Seconds& s = result.seconds;
   s.total = total.lap();

@@ -57,25 +57,40 @@ void keep_nodes(const BrokenGrid& grid, Result& result) {
   result.interval_rules = std::move(rules);
 }
 
-LocatedGrid locate_switches(const Scene& scene, const Result& result, Index N) {
+LocatedGrid locate_switches(const Scene& scene, const Result& result, const std::vector<double>& breakpoints,
+                            Index N) {
   constexpr double same_time = 1e-2;  // of an interval: switches closer than that share a node
+  constexpr double same_break = 1e-6;  // likewise breakpoints
   constexpr double located = 0.49;    // of a step: the error of what is known no better is 1/2
   const double h = scene.T / double(N);
   LocatedGrid grid;
+  const auto beside_breakpoint = [&](double t, double apart) {
+    const auto next = std::lower_bound(breakpoints.begin(), breakpoints.end(), t - apart);
+    return next != breakpoints.end() && *next <= t + apart;
+  };
+  std::vector<double> nodes;
+  for (const Switch& s : switches(result)) {
+    if (std::binary_search(scene.free_rows.begin(), scene.free_rows.end(), s.component)) continue;
+    const bool known = s.error < located * h;
+    if (!known && !beside_breakpoint(s.t, h)) {
+      ++grid.missed;
+      continue;
+    }
+    ++grid.located;
+    const bool has_node = s.t <= same_time * h || scene.T - s.t <= same_time * h ||
+                          beside_breakpoint(s.t, same_time * h) ||
+                          (!nodes.empty() && s.t - nodes.back() <= same_time * h);
+    if (known && !has_node) nodes.push_back(s.t);
+  }
+  nodes.insert(nodes.end(), breakpoints.begin(), breakpoints.end());
+  std::sort(nodes.begin(), nodes.end());
   double begin = 0;
   const auto add_part = [&](double end) {
     grid.parts.push_back({end, std::max<Index>(1, Index(std::lround((end - begin) / h)))});
     begin = end;
   };
-  for (const Switch& s : switches(result)) {
-    if (std::binary_search(scene.free_rows.begin(), scene.free_rows.end(), s.component)) continue;
-    if (!(s.error < located * h)) {
-      ++grid.missed;
-      continue;
-    }
-    ++grid.located;
-    if (s.t - begin > same_time * h && scene.T - s.t > same_time * h) add_part(s.t);
-  }
+  for (const double t : nodes)
+    if (t - begin > same_break * h && scene.T - t > same_break * h) add_part(t);
   add_part(scene.T);
   return grid;
 }

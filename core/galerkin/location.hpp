@@ -28,8 +28,9 @@ BrokenGrid divide_at_breakpoints(const Scene&, Index N);
 /// A result on the parts as one on the N intervals: y at their ends, with the integral over all parts.
 void keep_nodes(const BrokenGrid&, Result&);
 
-/// From a solved result of method galerkin; intervals are about as long as T/N.
-LocatedGrid locate_switches(const Scene&, const Result&, Index N);
+/// From a solved result of method galerkin; intervals are about as long as T/N. `breakpoints`: of the scene, at nodes
+/// of the result; they stay nodes.
+LocatedGrid locate_switches(const Scene&, const Result&, const std::vector<double>& breakpoints, Index N);
 
 /// Whether both have the same numbers of intervals, and ends no farther apart than `apart`.
 bool same_grid(const std::vector<GridPart>&, const std::vector<GridPart>&, double apart);

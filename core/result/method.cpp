@@ -9,7 +9,7 @@ namespace bromwich {
 
 namespace {
 
-constexpr std::array<std::pair<Method, const char*>, 10> method_names{{
+constexpr std::array<std::pair<Method, const char*>, 11> method_names{{
     {Method::automatic, "auto"},
     {Method::multigrid, "multigrid"},
     {Method::dual, "dual"},
@@ -18,6 +18,7 @@ constexpr std::array<std::pair<Method, const char*>, 10> method_names{{
     {Method::march, "march"},
     {Method::euler, "euler"},
     {Method::events, "events"},
+    {Method::shooting, "shooting"},
     {Method::galerkin, "galerkin"},
     {Method::goal, "goal"},
 }};
@@ -43,5 +44,7 @@ bool iterates(Method method) {
   return method == Method::multigrid || method == Method::dual || method == Method::contour ||
          method == Method::contour_literal;
 }
+
+bool locates_switches(Method method) { return method == Method::events || method == Method::shooting; }
 
 }  // namespace bromwich

@@ -92,7 +92,7 @@ std::vector<RelaySwitch> relay_switches(const Result& result, const std::vector<
       double last = own[k].t, sum = 0, error = 0;
       const std::size_t first = k;
       for (; k < own.size(); ++k) {
-        const bool located = result.method == Method::events;
+        const bool located = locates_switches(result.method);
         const double step = result.steps > 0 && !located ? result.t[result.t.size() - 1] / double(result.steps) : 0;
         if (k > first && own[k].t - last > std::max(step, own[k].error)) break;
         (own[k].component < relays ? s : y) = own[k].on;

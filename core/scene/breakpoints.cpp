@@ -210,4 +210,11 @@ std::vector<double> find_breakpoints(const Scene& scene) {
   return different;
 }
 
+Scene with_all_breakpoints(Scene scene) {
+  if (scene.breakpoints_are_all || (!scene.f && !scene.g)) return scene;
+  scene.breakpoints = find_breakpoints(scene);
+  scene.breakpoints_are_all = true;
+  return scene;
+}
+
 }  // namespace bromwich

@@ -16,4 +16,7 @@ namespace bromwich {
 /// Increasing; those of Scene::breakpoints among them.
 std::vector<double> find_breakpoints(const Scene&);
 
+/// The scene with all of them.
+Scene with_all_breakpoints(Scene);
+
 }  // namespace bromwich

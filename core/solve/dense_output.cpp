@@ -12,6 +12,7 @@
 #include "core/scene/port_hamiltonian.hpp"
 #include "core/solve/located_values.hpp"
 #include "core/solve/mixed.hpp"
+#include "core/solve/shooting_control.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -105,14 +106,6 @@ bool sample_by_a_step(const Scene& scene, Backend& backend, double t, double s, 
   sampled.x.row(k) = one.x.row(options.steps)(sampled.x_components);
   if (options.trace) sampled.trace.row(k) = one.trace.row(options.steps);
   return true;
-}
-
-// The scene with all breakpoints of its sources, which its parts need not look for.
-Scene with_all_breakpoints(const Scene& given) {
-  Scene scene = given;
-  if (!scene.breakpoints_are_all) scene.breakpoints = find_breakpoints(scene);
-  scene.breakpoints_are_all = true;
-  return scene;
 }
 
 // y and x of a result with continuous y, of its time points and between them.
@@ -283,6 +276,14 @@ Result at_times(const Scene& scene, const EliminatedScene& eliminated, Backend& 
   return sampled;
 }
 
+// Method shooting: that of method events from its x(0).
+Result of_start(const Scene& scene, Backend& backend, Result result, const std::vector<double>& times) {
+  result.method = Method::events;
+  Result sampled = at_times(from_start(scene, result), backend, result, times);
+  sampled.method = Method::shooting;
+  return sampled;
+}
+
 // The result of a simpler scene with the same y and x; empty if this scene has no simpler form.
 std::optional<Result> of_simpler_scene(const Scene& scene, Backend& backend, const Result& result,
                                        const std::vector<double>& times) {
@@ -304,6 +305,7 @@ std::optional<Result> of_simpler_scene(const Scene& scene, Backend& backend, con
 
 Result at_times(const Scene& scene, Backend& backend, const Result& result, const std::vector<double>& times) {
   if (result.goal) throw Error("result", "is of method goal", "its time points are the answer");
+  if (result.method == Method::shooting) return of_start(scene, backend, result, times);
   // solve() takes care of the form of the scene where its steps are solved again.
   const bool reduces = result.method == Method::events || !by_steps(scene, result);
   if (auto sampled = reduces ? of_simpler_scene(scene, backend, result, times) : std::nullopt) return *sampled;

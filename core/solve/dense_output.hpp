@@ -6,8 +6,8 @@
 //
 // by one step of the discretisation itself. Where y is no line (a constraint switches in the step, or a source jumps or
 // has a kink), the problem of a step of length s from x_j is solved. So it is if y may jump from step to step (M
-// singular, implicit Euler), and for x of sparse dynamics. Results of method events have the values of one more
-// integration with located switches.
+// singular, implicit Euler), and for x of sparse dynamics. Results of methods events and shooting have the values of
+// one more integration with located switches.
 
 #include "solve.hpp"
 

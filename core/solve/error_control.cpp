@@ -25,9 +25,6 @@ double iteration_error(const std::vector<double>& history) {
 
 namespace {
 
-/// Floating-point operations of event-driven integration, where grids have not solved the scene or the method is named.
-constexpr double patient_events = 1e11;
-
 // The scene with all breakpoints of its sources; nothing if these are known already.
 std::optional<Scene> with_breakpoints(const Scene& given) {
   if (given.breakpoints_are_all || (!given.f && !given.g)) return std::nullopt;
@@ -37,12 +34,6 @@ std::optional<Scene> with_breakpoints(const Scene& given) {
   scene->breakpoints = std::move(all);
   scene->breakpoints_are_all = true;
   return scene;
-}
-
-EventGoal event_goal(const InnerOptions& options, double most_work) {
-  if (!controls_error(options)) return {0, true, true, most_work};
-  const ErrorGoal goal(options);
-  return {goal.smallest(), goal.y > 0, goal.x > 0, most_work};
 }
 
 Result by_grids(const Scene& scene, Backend& backend, const InnerOptions& options, const Solve& solve) {

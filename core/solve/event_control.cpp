@@ -4,6 +4,7 @@
 #include "core/base/timer.hpp"
 #include "core/events/collocation.hpp"
 #include "core/lcp/lcp_class.hpp"
+#include "core/solve/error_goal.hpp"
 #include "core/solve/event_rows.hpp"
 
 #include <algorithm>
@@ -50,11 +51,19 @@ Vector largest_of(const EventSolution& s, Matrix EventPiece::*which) {
   return largest;
 }
 
+double longest_step(double T, std::size_t number) { return T / double(fewest_in_T + 16 * number); }
+
+// Of the first integration.
+double tolerance_for(const EventGoal& goal) {
+  if (goal.first > 0) return goal.first;
+  return goal.tolerance > 0 ? std::clamp(first_share * goal.tolerance, least_first, first_tolerance) : least_first;
+}
+
 EventSolution integrate_scene(const Scene& scene, const InnerOptions& options, LcpClass lcp_class, double tolerance,
                               std::size_t number, double most_work) {
   EventOptions o;
   o.tolerance = tolerance;
-  o.longest_step = scene.T / double(fewest_in_T + 16 * number);
+  o.longest_step = longest_step(scene.T, number);
   o.most_work = most_work;
   o.interrupted = options.interrupted;
   if (options.progress) {
@@ -87,7 +96,7 @@ class EventControl {
       return r;
     }
     EventSolution coarse;
-    tolerances_ = {chooses_grid() ? std::clamp(first_share * tolerance_, least_first, first_tolerance) : least_first};
+    tolerances_ = {tolerance_for(goal_)};
     coarse = integrate(tolerances_[0], 1);
     // What counts as zero falls with the tolerance: signs, and which of two solutions it is, may be known then.
     while (may_become_complete(coarse) && tolerances_[0] > finest_first) {
@@ -158,7 +167,14 @@ class EventControl {
     doubt_ = largest_share(fine.doubt, of_mean_ ? sizes_.of_mean(b) : sizes_.of_y(b));
     of_y_ = goal_.of_y ? std::max({rounding, of_mean_ ? d.mean : d.y, doubt_}) : 0;
     of_x_ = goal_.of_x && a.x.cols() > 0 ? std::max(rounding, d.of_x()) : 0;
+    if (goal_.error_of_start) add_error_of_start(fine, b);
     y_differs_ = std::max(d.mean, of_mean_ ? 0 : d.y) > agreed * tolerance_;
+  }
+
+  void add_error_of_start(const EventSolution& fine, const Result& rows) {
+    const auto [of_x, of_y] = goal_.error_of_start(fine);
+    if (goal_.of_y) of_y_ += largest_share(of_y, of_mean_ ? sizes_.of_mean(rows) : sizes_.of_y(rows));
+    if (goal_.of_x && rows.x.cols() > 0) of_x_ += largest_share(of_x(components_), sizes_.of_x(rows));
   }
 
   // Two integrations with the same x and another y, or one of several y in both.
@@ -249,6 +265,14 @@ class EventControl {
 
 }  // namespace
 
+EventGoal event_goal(const InnerOptions& options, double most_work) {
+  if (!controls_error(options)) return {0, true, true, most_work};
+  const ErrorGoal goal(options);
+  return {goal.smallest(), goal.y > 0, goal.x > 0, most_work};
+}
+
+double first_longest_step(double T) { return longest_step(T, 1); }
+
 Result solve_by_events(const Scene& scene, Backend& backend, const InnerOptions& options, const ComponentSizes& sizes,
                        const EventGoal& goal) {
   Timer timer;
@@ -268,7 +292,7 @@ std::optional<EventReference> EventReference::find(const Scene& scene, Backend& 
   constexpr double most_apart = 0.1;  // of the tolerance
   if (!unsuited_to_events(scene).empty() || scene.constraints() == 0) return std::nullopt;
   const LcpClass c = selection_class(scene.M, scene.lcp_class);
-  const double tolerance = std::clamp(first_share * goal.tolerance, least_first, first_tolerance);
+  const double tolerance = tolerance_for(goal);
   InnerOptions quiet = options;
   quiet.progress = {};
   std::array<std::optional<EventReference>, 2> found;

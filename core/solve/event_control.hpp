@@ -5,8 +5,10 @@
 #include "../result/inner_options.hpp"
 #include "../seam/backend.hpp"
 
+#include <functional>
 #include <memory>
 #include <optional>
+#include <utility>
 #include <vector>
 
 namespace bromwich {
@@ -16,7 +18,19 @@ struct EventGoal {
   double tolerance = 0;  ///< 0: none, and the grid is that of the options
   bool of_y = true, of_x = true;
   double most_work = 1e11;  ///< floating-point operations of each integration, about
+  double first = 0;         ///< tolerance of the first integration, see EventOptions; 0: it follows from `tolerance`
+  /// From the more accurate solution: how far x (m) and y (n) are off since x0 is. Empty: x0 is exact.
+  std::function<std::pair<Vector, Vector>(const EventSolution&)> error_of_start = {};
 };
+
+/// Floating-point operations of each integration, where grids have not solved the scene or the method is named.
+inline constexpr double patient_events = 1e11;
+
+/// By the tolerances of the options.
+EventGoal event_goal(const InnerOptions&, double most_work = patient_events);
+
+/// EventOptions::longest_step of the first integration of solve_by_events.
+double first_longest_step(double T);
 
 /// How the reason begins where x is known and y is one of several.
 inline constexpr const char* not_unique = "y is not unique";

@@ -220,6 +220,8 @@ Result changed(Result result, const NaturalUnits& units, int sign) {
   Exponents x;
   for (const Index c : result.x_components) x.push_back(units.x[std::size_t(c)]);
   change_columns(result.x, x, sign);
+  for (Index i = 0; i < result.start.size(); ++i)
+    result.start[i] = times_ten_to(sign * units.x[std::size_t(i)], result.start[i]);
   if (result.defects) {
     auto defects = std::make_shared<StepDefects>(*result.defects);
     change_columns(defects->values, units.x, sign);

@@ -21,6 +21,7 @@
 #include "core/solve/one_grid.hpp"
 #include "core/solve/prepared.hpp"
 #include "core/solve/scaling.hpp"
+#include "core/solve/shooting_control.hpp"
 #include "core/solve/symmetric_form.hpp"
 
 #include <algorithm>
@@ -188,24 +189,6 @@ std::optional<Result> no_constraints(const Scene& scene, Backend& backend, const
   return result;
 }
 
-// Boundary values, and free unknowns that cannot be eliminated.
-std::optional<Result> galerkin_alone(const Scene& scene, Backend& backend, const InnerOptions& options,
-                                     const Solve& solve) {
-  if (options.method == Method::galerkin) return std::nullopt;
-  const bool singular = !scene.boundary && !scene.free_rows.empty() && !can_eliminate_free(scene);
-  if (!scene.boundary && !singular) return std::nullopt;
-  if (options.method != Method::automatic)
-    return unsolved(scene, backend, options, Status::unsupported,
-                    std::string(singular ? "the free rows and columns of M form a singular matrix"
-                                         : "it needs initial values and the scene has boundary values") +
-                        "; use method galerkin");
-  note(options.log, LogLevel::info, "method galerkin: %s",
-       singular ? "the free rows and columns of M form a singular matrix" : "the scene has boundary values");
-  InnerOptions named = options;
-  named.method = Method::galerkin;
-  return solve(scene, backend, named);
-}
-
 // `run` with max_seconds: whatever polls for interruption ends then, the searches of sources among it.
 Result within_seconds(const Scene& scene, Backend& backend, const InnerOptions& options,
                       const std::function<Result(const InnerOptions&)>& run) {
@@ -235,6 +218,70 @@ Result within_seconds(const Scene& scene, Backend& backend, const InnerOptions& 
   else
     result.reason = spent;
   return result;
+}
+
+// x(0) of method galerkin on the given grid, to start from.
+Vector start_by_galerkin(const Scene& scene, Backend& backend, const InnerOptions& options) {
+  InnerOptions one = options;
+  one.method = Method::galerkin;
+  one.states = StateSelection::all;
+  one.progress = {};
+  try {
+    const Result result = solve_by_galerkin(scene, backend, one);
+    if (result.status == Status::solved) return result.x.row(0).transpose();
+  } catch (const Error& error) {
+    if (error.kind() != ErrorKind::bad_input) throw;
+  }
+  return {};
+}
+
+// By name; automatic tries it for boundary values. Where it does not succeed from rest, it starts from method galerkin.
+std::optional<Result> shooting(const Scene& scene, Backend& backend, const InnerOptions& options, const Solve& solve) {
+  const bool named = options.method == Method::shooting;
+  if (!named && (options.method != Method::automatic || !scene.boundary || options.event_location)) return std::nullopt;
+  if (const std::string why = unsuited_to_shooting(scene); !why.empty()) {
+    if (!named) return std::nullopt;
+    return unsolved(scene, backend, options, Status::unsupported,
+                    "method shooting: " + why + (scene.boundary ? "; use method galerkin" : "; use method events"));
+  }
+  const auto succeeds = [](const Result& r) { return r.status == Status::solved; };
+  Result result = within_seconds(scene, backend, options, [&](const InnerOptions& o) {
+    Result from_rest = solve_by_shooting(scene, backend, o);
+    if (succeeds(from_rest) || from_rest.status == Status::interrupted) return from_rest;
+    const Vector start = start_by_galerkin(scene, backend, o);
+    if (start.size() == 0) return from_rest;
+    Result again = solve_by_shooting(scene, backend, o, start);
+    return succeeds(again) || again.status == Status::interrupted ? again : from_rest;
+  });
+  if (named || succeeds(result) || result.status == Status::interrupted) return result;
+  note(options.log, LogLevel::info, "method shooting gives up: %s", result.reason.c_str());
+  InnerOptions by_galerkin = options;
+  by_galerkin.method = Method::galerkin;
+  try {
+    return solve(scene, backend, by_galerkin);
+  } catch (const Error& error) {
+    if (error.kind() != ErrorKind::bad_input) throw;
+    result.reason = "method shooting: " + result.reason + "; method galerkin: " + error.what();
+    return result;
+  }
+}
+
+// Boundary values, and free unknowns that cannot be eliminated.
+std::optional<Result> galerkin_alone(const Scene& scene, Backend& backend, const InnerOptions& options,
+                                     const Solve& solve) {
+  if (options.method == Method::galerkin) return std::nullopt;
+  const bool singular = !scene.boundary && !scene.free_rows.empty() && !can_eliminate_free(scene);
+  if (!scene.boundary && !singular) return std::nullopt;
+  if (options.method != Method::automatic)
+    return unsolved(scene, backend, options, Status::unsupported,
+                    singular
+                        ? "the free rows and columns of M form a singular matrix; use method galerkin"
+                        : "it needs initial values and the scene has boundary values; use method shooting or galerkin");
+  note(options.log, LogLevel::info, "method galerkin: %s",
+       singular ? "the free rows and columns of M form a singular matrix" : "the scene has boundary values");
+  InnerOptions named = options;
+  named.method = Method::galerkin;
+  return solve(scene, backend, named);
 }
 
 // By name; automatic tries it for a tolerance.
@@ -298,9 +345,9 @@ std::optional<Result> one_grid(const Scene& scene, Backend& backend, const Inner
 
 constexpr Stage stages[] = {columns_of_f,   mass_matrix,  solve_in_symmetric_form,
                             natural_units,  goal,         no_constraints,
-                            galerkin_alone, small_sparse, events,
-                            tolerance,      galerkin,     free_rows,
-                            one_grid};
+                            small_sparse,   shooting,     galerkin_alone,
+                            events,         tolerance,    galerkin,
+                            free_rows,      one_grid};
 
 }  // namespace
 

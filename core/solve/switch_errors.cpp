@@ -2,6 +2,7 @@
 
 #include "core/base/error.hpp"
 #include "core/solve/located_values.hpp"
+#include "core/solve/shooting_control.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -66,8 +67,10 @@ std::vector<double> distances(const std::vector<Switch>& found, const std::vecto
 
 std::vector<Switch> switches_with_errors(const Scene& scene, Backend& backend, const Options& options,
                                          const Result& result) {
-  if (result.method == Method::events && result.status == Status::solved)
-    if (auto located = located_switches(scene, scene.T / double(result.steps))) return std::move(*located);
+  if (locates_switches(result.method) && result.status == Status::solved) {
+    const Scene started = scene.boundary ? from_start(scene, result) : scene;
+    if (auto located = located_switches(started, scene.T / double(result.steps))) return std::move(*located);
+  }
   std::vector<Switch> found = switches(result);
   if (found.empty() || result.goal) return found;
   const double h = scene.T / double(result.steps);

@@ -16,7 +16,7 @@ namespace bromwich {
 namespace {
 
 bool takes_modes(Method method) {
-  return method != Method::galerkin && method != Method::goal && method != Method::events;
+  return method != Method::galerkin && method != Method::goal && !locates_switches(method);
 }
 
 bool is_diagonal(const LcpMatrix& M) {

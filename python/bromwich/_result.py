@@ -51,6 +51,14 @@ class Result(Rows):
         return self._answer.boundary_residual
 
     @property
+    def multipliers(self) -> np.ndarray:
+        """Method ``shooting``, periodic conditions: the eigenvalues of the derivative of x(T) by x(0), the largest first.
+
+        Perturbations of the periodic state decay where all are less than 1 in size. Empty for others.
+        """
+        return np.array(self._answer.multipliers, dtype=complex)
+
+    @property
     def error_estimate(self) -> float | None:
         """Relative error of y and the recorded x, with a tolerance or from method multigrid; None: not estimated."""
         return self._answer.error_estimate

@@ -9,6 +9,7 @@
 #include "core/solve/dense_output.hpp"
 #include "core/solve/switch_errors.hpp"
 
+#include <nanobind/stl/complex.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/shared_ptr.h>
 #include <nanobind/stl/string.h>
@@ -50,7 +51,7 @@ nb::list in_list(const std::vector<Switch>& found, const std::vector<Index>& fre
 nb::list switches_of(const Answer& answer, bool with_errors) {
   std::vector<Switch> found = [&] {
     const nb::gil_scoped_release unlocked;
-    if (!with_errors && answer.result.method != Method::events) return switches(answer.result);
+    if (!with_errors && !locates_switches(answer.result.method)) return switches(answer.result);
     const std::lock_guard lock(answer.machine->busy);
     return switches_with_errors(answer.model->scene, *answer.machine->backend, answer.options, answer.result);
   }();
@@ -156,6 +157,7 @@ void bind_results(nb::module_& m) {
            })
       .def_prop_ro("residual", value_of<&Result::residual>())
       .def_prop_ro("boundary_residual", value_of<&Result::boundary_residual>())
+      .def_prop_ro("multipliers", value_of<&Result::multipliers>())
       .def_prop_ro("error_estimate", value_of<&Result::error_estimate>())
       .def_prop_ro("errors", &errors_of)
       .def_prop_ro("kernel_error", value_of<&Result::kernel_error>())

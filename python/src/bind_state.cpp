@@ -9,6 +9,7 @@
 
 #include <nanobind/eigen/dense.h>
 #include <nanobind/eigen/sparse.h>
+#include <nanobind/stl/complex.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/pair.h>
 #include <nanobind/stl/shared_ptr.h>
@@ -70,6 +71,7 @@ void members_of_result(const Each& each, R& r) {
   each("alternates", r.alternates), each("continuous", r.continuous), each("rough_steps", r.rough_steps);
   each("well_posed", r.well_posed), each("infeasible_at", r.infeasible_at), each("warning", r.warning);
   each("residual", r.residual), each("boundary_residual", r.boundary_residual);
+  each("multipliers", r.multipliers), each("start", r.start);
   each("error_estimate", r.error_estimate), each("algebraic_error", r.algebraic_error);
   each("kernel_error", r.kernel_error), each("magnification", r.magnification), each("rounding", r.rounding);
   each("rounding_of_y", r.rounding_of_y), each("unresolved_sources", r.unresolved_sources);

@@ -1,0 +1,58 @@
+#pragma once
+// The derivative of the flow x(0) -> x(t) of a small dense scene, along a solution with located switches.
+//
+// On a piece with the active set S a change of the state follows dx' = A_S dx (core/events/mode.hpp), once it fulfils
+// the constraints of S. At a switch c(x, t) = 0, c the y_i or w_i that vanishes there, its time changes by
+// dt = -dc / c', and
+//
+//     dx+ = dx- + (x'- - x'+) dt,
+//
+// with the derivative of x+ = x- + B p where the state jumps (Aizerman & Gantmacher 1958). Breakpoints of f and g do not
+// move. Accumulated events, passed by one short step, count as no change: the constraints of the set after them hold.
+//
+// core/derivatives/switched_tape.hpp has the same equations for changes of all data, and refuses what is differentiable
+// from one side only. Here such a point has a derivative of one side: a Newton iteration takes any.
+
+#include "../events/event_driven.hpp"
+#include "../events/event_sources.hpp"
+#include "../events/mode.hpp"
+
+#include <map>
+#include <optional>
+#include <utility>
+#include <vector>
+
+namespace bromwich {
+
+/// The largest changes on the way from 0 to T.
+struct FlowChange {
+  Vector x, y;  ///< m and n
+};
+
+class FlowDerivative {
+ public:
+  /// A scene with dense dynamics that outlives the object. What solutions have in common is kept.
+  explicit FlowDerivative(const Scene&);
+
+  /// x(T) by x(0): m x m. The solution is complete.
+  Matrix at_end(const EventSolution&);
+  /// For a change of x(0).
+  FlowChange along(const EventSolution&, const Vector& dx0);
+
+ private:
+  const SwitchedMode* mode_of(const std::vector<Index>& active);
+  const Matrix& propagator(const SwitchedMode*, double length);
+  Matrix carried(const EventSolution&, Matrix dx, FlowChange* most);
+  void pass(const EventPiece* before, const EventPiece& after, Matrix& dx);
+  Eigen::RowVectorXd moved_times(const EventPiece& before, const Matrix& dx);
+  void jump(const EventPiece& after, const Eigen::RowVectorXd& dt, Matrix& dx);
+  void project(const SwitchedMode&, Matrix& dx) const;
+
+  const SystemMatrices system_;
+  const EventSources sources_;
+  const double T_;
+  std::map<std::vector<Index>, std::optional<SwitchedMode>> modes_;
+  std::map<std::pair<const SwitchedMode*, long long>, Matrix> propagators_;
+};
+
+}  // namespace bromwich

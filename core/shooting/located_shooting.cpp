@@ -1,0 +1,273 @@
+#include "core/shooting/located_shooting.hpp"
+
+#include "core/base/text.hpp"
+#include "core/events/collocation.hpp"
+#include "core/events/event_sources.hpp"
+#include "core/lcp/active_set.hpp"
+#include "core/shooting/flow_derivative.hpp"
+
+#include <Eigen/Dense>
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+
+namespace bromwich {
+
+namespace {
+
+constexpr double small_step = 1e-10;      ///< of the sizes of x: the next step would be rounding
+constexpr double stagnant_step = 1e-7;    ///< likewise: a step after which F no longer falls
+constexpr double rounding_of_F = 1e-14;   ///< of its terms
+constexpr double small_F = 1e-6;          ///< likewise: after more, no step is the last
+constexpr double finest_tolerance = 1e-12;
+constexpr double least_size = 1e-3;       ///< of the largest component: sizes of others are at least that
+constexpr double singular_share = 1e-11;  ///< of the largest singular value of E0 + ET D
+constexpr int most_newton = 40, most_halvings = 8;
+constexpr int first_periods = 2, later_periods = 10, most_periods = 150;
+constexpr double settles = 0.99;  ///< of F before some periods, at most
+
+Vector end_of_flow(const EventSolution& s) {
+  const EventPiece& last = s.pieces.back();
+  return last.x.transpose() * legendre((last.end - last.begin) / last.length);
+}
+
+// E0 + ET D with rows and columns in comparable sizes.
+struct ShootingMatrix {
+  Eigen::JacobiSVD<Matrix> svd;
+  Vector rows, columns;
+  bool regular;
+
+  ShootingMatrix(const BoundaryCondition& c, const Matrix& D, const Vector& size)
+      : rows(Vector::Ones(size.size())), columns(size) {
+    Matrix K = (c.E0 + c.ET * D) * columns.asDiagonal();
+    for (Index i = 0; i < K.rows(); ++i) {
+      const double terms = (c.E0.row(i).cwiseAbs() + c.ET.row(i).cwiseAbs()).dot(size);
+      if (terms > 0) rows[i] = 1 / terms;
+    }
+    svd.compute(rows.asDiagonal() * K, Eigen::ComputeThinU | Eigen::ComputeThinV);
+    svd.setThreshold(singular_share);
+    regular = svd.rank() == size.size();
+  }
+  /// dx of least norm.
+  Vector solve(const Vector& F) const { return columns.asDiagonal() * svd.solve(rows.asDiagonal() * F); }
+};
+
+class LocatedShooting {
+ public:
+  LocatedShooting(const Scene& scene, LcpClass lcp_class, const std::vector<double>& breakpoints,
+                  const ShootingOptions& options)
+      : scene_(scene),
+        c_(*scene.boundary),
+        class_(lcp_class),
+        breakpoints_(breakpoints),
+        options_(options),
+        derivative_(scene),
+        size_(Vector::Zero(scene.states())) {
+    scene_.boundary.reset();
+  }
+
+  ShootingSolution run() {
+    if (!begin()) return ended();
+    for (int periods = later_periods, all = 0; !newton(); all += periods, periods *= 3) {
+      if (solution_.interrupted || all + periods > most_periods || !is_periodic(c_)) return ended();
+      const double before = now_.defect;
+      const std::string why = why_;
+      if (!settle(periods)) return ended();
+      if (now_.defect > settles * before) return give_up(why), ended();
+    }
+    solution_.found = true;
+    return std::move(solution_);
+  }
+
+ private:
+  struct Iterate {
+    Vector x;
+    EventSolution flow;
+    Vector F = {};
+    double defect = INFINITY;
+  };
+
+  ShootingSolution ended() {
+    if (solution_.reason.empty()) solution_.reason = why_;
+    return std::move(solution_);
+  }
+
+  bool give_up(const std::string& why) {
+    why_ = why;
+    return false;
+  }
+
+  std::optional<Iterate> integrate(const Vector& x) {
+    if (work_ > options_.most_work) return give_up(out_of_work), std::nullopt;
+    scene_.x0 = x;
+    Iterate it{x, {}};
+    // What counts as zero falls with the tolerance: signs may be known with a finer one.
+    for (double tolerance = options_.events.tolerance;; tolerance /= 10) {
+      EventOptions o = options_.events;
+      o.tolerance = tolerance;
+      it.flow = integrate_with_events(scene_, class_, breakpoints_, o);
+      ++solution_.flows;
+      work_ += it.flow.work;
+      const bool again = !it.flow.complete && !it.flow.interrupted && it.flow.reason.rfind(out_of_work, 0) != 0;
+      if (!again || tolerance < 10 * finest_tolerance) break;
+    }
+    if (!it.flow.complete) {
+      solution_.interrupted = it.flow.interrupted;
+      return give_up(it.flow.reason), std::nullopt;
+    }
+    it.F = c_.E0 * x + c_.ET * end_of_flow(it.flow) - c_.b;
+    return it;
+  }
+
+  // The same from the nearest x that fulfils the constraints which no y moves, if x does not.
+  std::optional<Iterate> flow_from(const Vector& x) {
+    if (auto it = integrate(x)) return it;
+    if (solution_.interrupted) return std::nullopt;
+    const Vector projected = feasible(x);
+    return projected == x ? std::nullopt : integrate(projected);
+  }
+
+  // min |z - x| with N z + g(0) >= 0 in the rows where M is zero: z = x + N^T p, p an LCP.
+  Vector feasible(const Vector& x) const {
+    const Matrix M = to_dense(scene_.M), &N = scene_.dynamics->small_state()->N;
+    const Vector g = EventSources(scene_).g(0);
+    std::vector<Index> rows;
+    for (Index i = 0; i < M.rows(); ++i)
+      if (!(M.row(i).array() != 0).any() && N.row(i).norm() > 0) rows.push_back(i);
+    if (rows.empty()) return x;
+    const Matrix K = Vector(size_of_states()).asDiagonal() * N(rows, Eigen::all).transpose();
+    ActiveSetLcp lcp(K.transpose() * K, LcpClass::PSD);
+    Vector p;
+    const Vector w = N(rows, Eigen::all) * x + g(rows);
+    if (!lcp.solve(w, p).solved) return x;
+    return x + size_of_states().asDiagonal() * (K * p);
+  }
+
+  Vector size_of_states() const {
+    const double most = size_.size() > 0 ? size_.maxCoeff() : 0;
+    if (!(most > 0)) return Vector::Ones(size_.size());
+    return size_.cwiseMax(least_size * most);
+  }
+
+  void look_at_sizes(const EventSolution& s) {
+    size_.setZero();
+    for (const EventPiece& p : s.pieces)
+      for (const double at : {0.0, 0.5, 1.0})
+        size_ = size_.cwiseMax((p.x.transpose() * legendre(at * (p.end - p.begin) / p.length)).cwiseAbs());
+  }
+
+  double defect_of(const Vector& F) const {
+    const Vector of = (c_.E0.cwiseAbs() + c_.ET.cwiseAbs()) * size_of_states() + c_.b.cwiseAbs();
+    double most = 0;
+    for (Index i = 0; i < F.size(); ++i)
+      if (F[i] != 0) most = std::max(most, std::abs(F[i]) / of[i]);
+    return F.allFinite() ? most : INFINITY;
+  }
+
+  void take(Iterate it) {
+    now_ = std::move(it);
+    look_at_sizes(now_.flow);
+    now_.defect = defect_of(now_.F);
+    solution_.history.push_back(now_.defect);
+  }
+
+  bool begin() {
+    Vector x = options_.start;
+    const bool given = x.size() > 0;
+    if (!given) x = c_.E0.completeOrthogonalDecomposition().solve(c_.b);
+    auto it = flow_from(x);
+    if (!it) return false;
+    take(std::move(*it));
+    return given || !is_periodic(c_) || settle(first_periods);
+  }
+
+  bool settle(int periods) {
+    for (int k = 0; k < periods && now_.defect > rounding_of_F; ++k) {
+      auto it = flow_from(end_of_flow(now_.flow));
+      if (!it) return false;
+      take(std::move(*it));
+    }
+    return true;
+  }
+
+  // False where steps do not bring F down.
+  bool newton() {
+    for (int k = 0; k < most_newton; ++k) {
+      solution_.D = derivative_.at_end(now_.flow);
+      if (!solution_.D.allFinite()) return give_up("changes of x(0) grow without bounds");
+      const ShootingMatrix K(c_, solution_.D, size_of_states());
+      solution_.determined = K.regular;
+      const Vector dx = K.solve(-now_.F);
+      const double step = (dx.cwiseAbs().array() / size_of_states().array()).maxCoeff();
+      if (!K.regular && now_.defect > rounding_of_F && !solvable(K))
+        return give_up("E0 + ET D is singular (D: the derivative of x(T) by x(0)), and no x(0) was found");
+      if ((step <= small_step && now_.defect <= small_F) || now_.defect <= rounding_of_F) {
+        solution_.x0 = now_.x + dx;
+        return true;
+      }
+      ++solution_.newton;
+      if (!descend(dx)) {
+        if (solution_.interrupted || step > stagnant_step || now_.defect > small_F) return false;
+        solution_.x0 = now_.x;
+        return true;
+      }
+    }
+    return give_up(text("Newton's method ends with %.1e of the boundary condition", now_.defect));
+  }
+
+  // Whether the part of F that no dx moves is rounding.
+  bool solvable(const ShootingMatrix& K) const {
+    const Vector F = K.rows.asDiagonal() * now_.F;
+    const Matrix U = K.svd.matrixU().leftCols(K.svd.rank());
+    return (F - U * (U.transpose() * F)).norm() <= 1e-6 * F.norm() + rounding_of_F;
+  }
+
+  bool descend(const Vector& dx) {
+    double share = 1;
+    for (int k = 0; k <= most_halvings; ++k, share /= 2) {
+      auto it = flow_from(now_.x + share * dx);
+      if (solution_.interrupted) return false;
+      if (!it || !(defect_of(it->F) <= (1 - 0.1 * share) * now_.defect)) continue;
+      take(std::move(*it));
+      return true;
+    }
+    return give_up(text("Newton's method ends with %.1e of the boundary condition", now_.defect));
+  }
+
+  Scene scene_;  ///< with initial values
+  const BoundaryCondition c_;
+  const LcpClass class_;
+  const std::vector<double>& breakpoints_;
+  const ShootingOptions& options_;
+  FlowDerivative derivative_;
+  Vector size_;  ///< m: largest values of the last flow
+  Iterate now_;
+  double work_ = 0;
+  std::string why_;
+  ShootingSolution solution_;
+};
+
+}  // namespace
+
+bool is_periodic(const BoundaryCondition& c) {
+  return c.E0 == -c.ET && (c.b.array() == 0).all() && Eigen::FullPivLU<Matrix>(c.E0).isInvertible();
+}
+
+ShootingSolution shoot_on_events(const Scene& scene, LcpClass lcp_class, const std::vector<double>& breakpoints,
+                                 const ShootingOptions& options) {
+  return LocatedShooting(scene, lcp_class, breakpoints, options).run();
+}
+
+StartError error_of_start(const Scene& scene, const ShootingSolution& found, const EventSolution& flow) {
+  const BoundaryCondition& c = *scene.boundary;
+  Vector size = found.x0.cwiseAbs();
+  for (const EventPiece& p : flow.pieces) size = size.cwiseMax((p.x.transpose() * legendre(0)).cwiseAbs());
+  size = size.cwiseMax(std::max(least_size * size.maxCoeff(), 1e-290));
+  const Vector dx =
+      ShootingMatrix(c, found.D, size).solve(c.b - c.E0 * found.x0 - c.ET * end_of_flow(flow));
+  const FlowChange most = FlowDerivative(scene).along(flow, dx);
+  return {most.x, most.y};
+}
+
+}  // namespace bromwich
