@@ -11,11 +11,11 @@
 #include "core/scene/mass_matrix.hpp"
 #include "core/scene/separable.hpp"
 #include "core/scene/source_steps.hpp"
-#include "core/solve/shooting_control.hpp"
 #include "core/solve/cost.hpp"
 #include "core/solve/method_choice.hpp"
 #include "core/solve/methods.hpp"
 #include "core/solve/mixed.hpp"
+#include "core/solve/shooting_control.hpp"
 
 #include <fmt/format.h>
 
@@ -105,8 +105,7 @@ std::vector<Method> methods_of(const Scene& given, const Scene& scene, const Bac
   if (given.boundary || singular) {
     const std::string unsuited = unsuited_to_shooting(scene);
     if (options.method == Method::shooting && !unsuited.empty()) refusal = "method shooting: " + unsuited;
-    if (options.method != Method::automatic && options.method != Method::galerkin &&
-        options.method != Method::shooting)
+    if (options.method != Method::automatic && options.method != Method::galerkin && options.method != Method::shooting)
       refusal = given.boundary ? "the scene has boundary values, which only methods shooting and galerkin take"
                                : "the free rows and columns of M form a singular matrix: use method galerkin";
     if (options.method == Method::galerkin || !unsuited.empty()) return {Method::galerkin};

@@ -323,8 +323,8 @@ Result solve_by_galerkin(const Scene& scene, Backend& backend, const InnerOption
       solve_on_grid(scene, backend, options, *shared, {{scene.T, N}}, nullptr, nullptr, result);
     }
     const std::vector<double> breakpoints = broken.divided() ? scene.breakpoints : std::vector<double>();
-    const bool located = options.event_location &&
-                         solve_with_located_switches(scene, backend, options, *shared, breakpoints, N, result);
+    const bool located =
+        options.event_location && solve_with_located_switches(scene, backend, options, *shared, breakpoints, N, result);
     if (broken.divided() && !located) keep_nodes(broken, result);
   }
   Seconds& s = result.seconds;

@@ -57,11 +57,10 @@ void keep_nodes(const BrokenGrid& grid, Result& result) {
   result.interval_rules = std::move(rules);
 }
 
-LocatedGrid locate_switches(const Scene& scene, const Result& result, const std::vector<double>& breakpoints,
-                            Index N) {
-  constexpr double same_time = 1e-2;  // of an interval: switches closer than that share a node
+LocatedGrid locate_switches(const Scene& scene, const Result& result, const std::vector<double>& breakpoints, Index N) {
+  constexpr double same_time = 1e-2;   // of an interval: switches closer than that share a node
   constexpr double same_break = 1e-6;  // likewise breakpoints
-  constexpr double located = 0.49;    // of a step: the error of what is known no better is 1/2
+  constexpr double located = 0.49;     // of a step: the error of what is known no better is 1/2
   const double h = scene.T / double(N);
   LocatedGrid grid;
   const auto beside_breakpoint = [&](double t, double apart) {

@@ -83,8 +83,8 @@ struct Result {
   double residual = std::numeric_limits<double>::quiet_NaN();
   /// ||E0 x(0) + ET x(T) - b||_inf / max(1, ||b||_inf); empty without a boundary condition.
   std::optional<double> boundary_residual;
-  /// Method shooting, periodic conditions: the eigenvalues of the derivative of x(T) by x(0), the largest first. All are
-  /// less than 1 in size where perturbations of the periodic state decay.
+  /// Method shooting, periodic conditions: the eigenvalues of the derivative of x(T) by x(0), the largest first. All
+  /// are less than 1 in size where perturbations of the periodic state decay.
   std::vector<Complex> multipliers;
   Vector start;  ///< m, method shooting: x(0)
   /// total() of `errors`, or the error of x if that is larger. Without Options::tolerance only method multigrid sets

@@ -107,7 +107,7 @@ void FlowDerivative::jump(const EventPiece& after, const Eigen::RowVectorXd& dt,
   const EventSources::Polynomials given = sources_.sample(after.begin, after.length);
   const Vector e0 = legendre(0), e1 = c.derivative.transpose() * e0 / after.length,
                e2 = c.derivative.transpose() * e1 / after.length;
-  JetValues u{after.x.transpose() * e0,   given.f.transpose() * e0, given.f.transpose() * e1,
+  JetValues u{after.x.transpose() * e0, given.f.transpose() * e0, given.f.transpose() * e1,
               given.g.transpose() * e0, given.g.transpose() * e1, given.g.transpose() * e2};
   for (const EventImpulse& impulse : after.impulses) u.x -= system_.B * impulse.p;
   for (const EventImpulse& impulse : after.impulses) {

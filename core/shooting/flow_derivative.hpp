@@ -7,8 +7,9 @@
 //
 //     dx+ = dx- + (x'- - x'+) dt,
 //
-// with the derivative of x+ = x- + B p where the state jumps (Aizerman & Gantmacher 1958). Breakpoints of f and g do not
-// move. Accumulated events, passed by one short step, count as no change: the constraints of the set after them hold.
+// with the derivative of x+ = x- + B p where the state jumps (Aizerman & Gantmacher 1958). Breakpoints of f and g do
+// not move. Accumulated events, passed by one short step, count as no change: the constraints of the set after them
+// hold.
 //
 // core/derivatives/switched_tape.hpp has the same equations for changes of all data, and refuses what is differentiable
 // from one side only. Here such a point has a derivative of one side: a Newton iteration takes any.

@@ -16,14 +16,14 @@ namespace bromwich {
 
 namespace {
 
-constexpr double small_step = 1e-10;      ///< of the sizes of x: the next step would be rounding
-constexpr double stagnant_step = 1e-7;    ///< likewise: a step after which F no longer falls
-constexpr double rounding_of_F = 1e-14;   ///< of its terms
-constexpr double small_F = 1e-6;          ///< likewise: after more, no step is the last
-constexpr double finest_tolerance = 1e-12;
+constexpr double small_step = 1e-10;     ///< of the sizes of x: the next step would be rounding
+constexpr double stagnant_step = 1e-7;   ///< likewise: a step after which F no longer falls
+constexpr double rounding_of_F = 1e-14;  ///< of its terms
+constexpr double small_F = 1e-6;         ///< likewise: after more, no step is the last
+constexpr double finest_flow = 1e-12;
 constexpr double least_size = 1e-3;       ///< of the largest component: sizes of others are at least that
 constexpr double singular_share = 1e-11;  ///< of the largest singular value of E0 + ET D
-constexpr int most_newton = 40, most_halvings = 8;
+constexpr int most_newton = 40, most_halved = 8;
 constexpr int first_periods = 2, later_periods = 10, most_periods = 150;
 constexpr double settles = 0.99;  ///< of F before some periods, at most
 
@@ -110,7 +110,7 @@ class LocatedShooting {
       ++solution_.flows;
       work_ += it.flow.work;
       const bool again = !it.flow.complete && !it.flow.interrupted && it.flow.reason.rfind(out_of_work, 0) != 0;
-      if (!again || tolerance < 10 * finest_tolerance) break;
+      if (!again || tolerance < 10 * finest_flow) break;
     }
     if (!it.flow.complete) {
       solution_.interrupted = it.flow.interrupted;
@@ -225,7 +225,7 @@ class LocatedShooting {
 
   bool descend(const Vector& dx) {
     double share = 1;
-    for (int k = 0; k <= most_halvings; ++k, share /= 2) {
+    for (int k = 0; k <= most_halved; ++k, share /= 2) {
       auto it = flow_from(now_.x + share * dx);
       if (solution_.interrupted) return false;
       if (!it || !(defect_of(it->F) <= (1 - 0.1 * share) * now_.defect)) continue;
@@ -264,8 +264,7 @@ StartError error_of_start(const Scene& scene, const ShootingSolution& found, con
   Vector size = found.x0.cwiseAbs();
   for (const EventPiece& p : flow.pieces) size = size.cwiseMax((p.x.transpose() * legendre(0)).cwiseAbs());
   size = size.cwiseMax(std::max(least_size * size.maxCoeff(), 1e-290));
-  const Vector dx =
-      ShootingMatrix(c, found.D, size).solve(c.b - c.E0 * found.x0 - c.ET * end_of_flow(flow));
+  const Vector dx = ShootingMatrix(c, found.D, size).solve(c.b - c.E0 * found.x0 - c.ET * end_of_flow(flow));
   const FlowChange most = FlowDerivative(scene).along(flow, dx);
   return {most.x, most.y};
 }

@@ -21,7 +21,7 @@ namespace bromwich {
 
 struct ShootingOptions {
   EventOptions events;
-  Vector start = {};  ///< m: the first x(0); empty: rest, or the x of least norm with E0 x = b
+  Vector start = {};        ///< m: the first x(0); empty: rest, or the x of least norm with E0 x = b
   double most_work = 1e11;  ///< floating-point operations of all integrations, about
 };
 

@@ -8,7 +8,7 @@
 #include "core/shooting/located_shooting.hpp"
 #include "core/solve/error_goal.hpp"
 #include "core/solve/event_control.hpp"
-#include "core/solve/stages.hpp"
+#include "core/solve/unsolved.hpp"
 
 #include <Eigen/Dense>
 
@@ -20,8 +20,8 @@ namespace bromwich {
 
 namespace {
 
-constexpr std::array<double, 2> tolerances{1e-10, 1e-12};  ///< of the integrations, see EventOptions
-constexpr double most_error = 1e-4;  ///< where no tolerance is given
+constexpr std::array<double, 2> shooting_tolerances{1e-10, 1e-12};  ///< of the integrations, see EventOptions
+constexpr double most_error = 1e-4;                                 ///< where no tolerance is given
 constexpr const char* several_starts =
     "other states fulfil the boundary condition too: E0 + ET D is singular, D the derivative of x(T) by x(0)";
 
@@ -79,7 +79,7 @@ Result solve_by_shooting(const Scene& given, Backend& backend, const InnerOption
   const Scene scene = with_all_breakpoints(given);
   Result result;
   Vector from = start;
-  for (const double tolerance : tolerances) {
+  for (const double tolerance : shooting_tolerances) {
     const ShootingSolution s = shoot(scene, options, tolerance, from);
     if (!s.found) {
       result = unsolved(scene, backend, options, s.interrupted ? Status::interrupted : Status::tolerance_not_met,
@@ -101,7 +101,8 @@ Result solve_by_shooting(const Scene& given, Backend& backend, const InnerOption
     result.boundary_residual = boundary_residual;
     if (result.status == Status::solved && result.error_estimate > most_error) {
       result.status = Status::tolerance_not_met;
-      result.reason = text("x(0) was found, and its error and that of the integration are %.1e", *result.error_estimate);
+      result.reason =
+          text("x(0) was found, and its error and that of the integration are %.1e", *result.error_estimate);
     }
     if (result.status != Status::tolerance_not_met) break;
     from = s.x0;

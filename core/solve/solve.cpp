@@ -6,6 +6,7 @@
 #include "core/base/timer.hpp"
 #include "core/scene/coarse_sources.hpp"
 #include "core/solve/stages.hpp"
+#include "core/solve/unsolved.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -23,6 +23,7 @@
 #include "core/solve/scaling.hpp"
 #include "core/solve/shooting_control.hpp"
 #include "core/solve/symmetric_form.hpp"
+#include "core/solve/unsolved.hpp"
 
 #include <algorithm>
 #include <atomic>
@@ -32,22 +33,6 @@
 #include <string>
 
 namespace bromwich {
-
-Result unsolved(const Scene& scene, const Backend& backend, const Options& options, Status status,
-                const std::string& why) {
-  Result result;
-  result.status = status;
-  result.reason = why;
-  result.method = options.method;
-  result.backend = backend.name();
-  result.steps = options.steps > 0 ? options.steps : scene.default_steps;
-  result.t = Vector::LinSpaced(result.steps + 1, 0, scene.T);
-  result.x_components = recorded_components(scene, options);
-  result.y = RowMatrix::Constant(result.steps + 1, scene.constraints(), NAN);
-  result.x = RowMatrix::Constant(result.steps + 1, Index(result.x_components.size()), NAN);
-  if (options.trace) result.trace = result.y;
-  return result;
-}
 
 namespace {
 
@@ -343,11 +328,10 @@ std::optional<Result> one_grid(const Scene& scene, Backend& backend, const Inner
   return solve_on_one_grid(scene, backend, options);
 }
 
-constexpr Stage stages[] = {columns_of_f,   mass_matrix,  solve_in_symmetric_form,
-                            natural_units,  goal,         no_constraints,
-                            small_sparse,   shooting,     galerkin_alone,
-                            events,         tolerance,    galerkin,
-                            free_rows,      one_grid};
+constexpr Stage stages[] = {
+    columns_of_f, mass_matrix, solve_in_symmetric_form, natural_units, goal,      no_constraints,
+    small_sparse, shooting,    galerkin_alone,          events,        tolerance, galerkin,
+    free_rows,    one_grid};
 
 }  // namespace
 

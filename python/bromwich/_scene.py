@@ -36,7 +36,8 @@ class Scene:
         g: source of the constraints, n values.
         E: m x m, regular; None: the identity.
         F: f enters as F f(t) with this m x k matrix and f of k values, or as B f(t) with n values where it is ``"B"``.
-        E0, ET, b: instead of x0: ``E0 x(0) + ET x(T) = b``, m x m, m x m and m values (method galerkin).
+        E0, ET, b: instead of x0: ``E0 x(0) + ET x(T) = b``, m x m, m x m and m values (methods shooting
+            and galerkin).
         free: rows i of mixed problems, with w_i = 0 and y_i of either sign.
         lcp_class: ``"auto"``, ``"P"``, ``"Z"`` or ``"PSD"``, what is known of M.
         breakpoints: times in [0, T] at which f or g may jump or have a kink. Others are searched in functions.

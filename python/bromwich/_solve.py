@@ -88,7 +88,7 @@ def solve(
         check: what happens where the status is not ``solved``: ``"warn"`` issues :class:`NotSolvedWarning`, True raises
             :class:`NotSolved`, False does nothing.
         method: ``"auto"``, ``"march"``, ``"contour"``, ``"multigrid"``, ``"dual"``, ``"euler"``, ``"events"``,
-            ``"galerkin"``, ``"goal"`` or ``"contour-literal"``.
+            ``"shooting"``, ``"galerkin"``, ``"goal"`` or ``"contour-literal"``.
         steps: time steps J, with a tolerance those of the first grid; None: the scene's.
         tol: refine the grid until the error of every component of y, and of the states that are recorded, is estimated
             below tol times its largest value; None: one grid.

@@ -56,7 +56,7 @@ def test_boundary_values():
         A=[[0, 1], [0, 0]], B=[0, 1], N=[1, 0], M=1, g=5.0,
         E0=[[1, 0], [0, 0]], ET=[[0, 0], [1, 0]], b=[1, 2], T=1, steps=10,
     )  # fmt: skip
-    assert r.ok and r.method == "galerkin"
+    assert r.ok and r.method == "shooting"
     np.testing.assert_allclose(r.x[:, 0], 1 + r.t, rtol=1e-12)
     assert r.boundary_residual < 1e-12
 

@@ -139,15 +139,16 @@ TEST(LocatedShooting, FindsThePeriodicStateInDiscontinuousConduction) {
   EXPECT_NEAR(r.x(0, 1), low, close * low);
   EXPECT_NEAR(std::abs(r.multipliers[1]), 0, close) << "nothing is left of the current";
   const double h = 1e-4;
-  EXPECT_NEAR(r.multipliers[0].real(), (after(low + h) - after(low - h)) / (2 * h), 1e-7) << "h^2 of the third derivative";
+  EXPECT_NEAR(r.multipliers[0].real(), (after(low + h) - after(low - h)) / (2 * h), 1e-7)
+      << "h^2 of the third derivative";
 }
 
 // A tank behind a check valve: its level is integrated (A = 0), y is the flow that keeps it at zero. f = 2 pi cos(2 pi
 // t) - c is positive from t = -acos(c / 2 pi) / 2 pi on, and the level rises from zero there.
 TEST(LocatedShooting, TakesAZeroModeThatAConstraintFixes) {
   const double c = 1, from = -std::acos(c / (2 * pi)) / (2 * pi);
-  const Scene scene = one_state(0, 0, [=](double t) { return 2 * pi * std::cos(2 * pi * t) - c; },
-                                [](double) { return 0.0; });
+  const Scene scene = one_state(
+      0, 0, [=](double t) { return 2 * pi * std::cos(2 * pi * t) - c; }, [](double) { return 0.0; });
   const Result r = shot(scene);
   ASSERT_EQ(r.status, Status::solved) << r.reason;
   EXPECT_NEAR(r.x(0, 0), -std::sin(2 * pi * from) + c * from, close);
@@ -159,10 +160,11 @@ TEST(LocatedShooting, TakesAZeroModeThatAConstraintFixes) {
               std::sin(2 * pi * 0.123) - std::sin(2 * pi * from) - c * (0.123 - from), close);
 }
 
-// x' = 80 x + y + f at an obstacle x >= -s: held throughout, x = -s. A free solution beside it is off by e^80 roundings.
+// x' = 80 x + y + f at an obstacle x >= -s: held throughout, x = -s. A free solution beside it is off by e^80
+// roundings.
 TEST(LocatedShooting, HoldsAnUnstableStateAtItsObstacle) {
-  const Scene scene =
-      one_state(80, 0, [](double) { return -100.0; }, [](double t) { return 0.2 * std::sin(2 * pi * t); });
+  const Scene scene = one_state(
+      80, 0, [](double) { return -100.0; }, [](double t) { return 0.2 * std::sin(2 * pi * t); });
   const Result r = shot(scene);
   ASSERT_EQ(r.status, Status::solved) << r.reason;
   for (Index j = 0; j <= r.steps; ++j) EXPECT_NEAR(r.x(j, 0), -0.2 * std::sin(2 * pi * r.t[j]), close);
@@ -171,8 +173,8 @@ TEST(LocatedShooting, HoldsAnUnstableStateAtItsObstacle) {
 
 // x' = 3 x + sin(2 pi t), without contact: a multiplier of e^3.
 TEST(LocatedShooting, FindsAnUnstablePeriodicState) {
-  const Scene scene =
-      one_state(3, 0, [](double t) { return std::sin(2 * pi * t); }, [](double) { return 1.0; });
+  const Scene scene = one_state(
+      3, 0, [](double t) { return std::sin(2 * pi * t); }, [](double) { return 1.0; });
   const Result r = shot(scene);
   ASSERT_EQ(r.status, Status::solved) << r.reason;
   EXPECT_NEAR(r.x(0, 0), -2 * pi / (9 + 4 * pi * pi), close);
@@ -207,7 +209,8 @@ TEST(LocatedShooting, TakesConditionsAtBothEnds) {
 
 TEST(LocatedShooting, SaysThatOtherStatesArePeriodicToo) {
   // A capacitor behind a diode, without a load: every voltage above the peak of the source stays.
-  const Scene scene = one_state(0, 1, [](double) { return 0.0; }, [](double t) { return -std::sin(2 * pi * t); });
+  const Scene scene = one_state(
+      0, 1, [](double) { return 0.0; }, [](double t) { return -std::sin(2 * pi * t); });
   const Result r = shot(scene);
   ASSERT_EQ(r.status, Status::solved) << r.reason;
   EXPECT_GE(r.x(0, 0), 1 - 1e-6);
@@ -216,14 +219,16 @@ TEST(LocatedShooting, SaysThatOtherStatesArePeriodicToo) {
 }
 
 TEST(LocatedShooting, SaysWhatWasTriedWhereNothingIsPeriodic) {
-  const Scene scene = one_state(0, 1, [](double) { return 1.0; }, [](double) { return 1.0; });  // x = t
+  const Scene scene = one_state(
+      0, 1, [](double) { return 1.0; }, [](double) { return 1.0; });  // x = t
   const Result r = shot(scene);
   EXPECT_EQ(r.status, Status::tolerance_not_met);
   EXPECT_NE(r.reason.find("singular"), std::string::npos) << r.reason;
 }
 
 TEST(LocatedShooting, RefusesInitialValues) {
-  Scene scene = one_state(-1, 1, [](double) { return 1.0; }, [](double) { return 0.0; });
+  Scene scene = one_state(
+      -1, 1, [](double) { return 1.0; }, [](double) { return 0.0; });
   scene.boundary.reset();
   scene.x0 = Vector::Zero(1);
   const Result r = shot(scene);
