@@ -56,6 +56,12 @@ void require_independent_rows(const BoundaryCondition& c) {
               "give independent conditions, one per state");
 }
 
+void refuse_open_mode(double reciprocal_condition) {
+  throw Error("boundary", text("E0 + ET e^{TA} is singular (reciprocal condition %.1e)", reciprocal_condition),
+              "without y a mode is left open (periodic: one that is kept, or whose period divides T); give conditions "
+              "that determine the states of the scene without y, or damp the mode");
+}
+
 double require_determined_states(const GalerkinProblem& p) {
   if (p.initial_value) return 1;
   require_independent_rows(p.boundary);
@@ -63,11 +69,7 @@ double require_determined_states(const GalerkinProblem& p) {
   Segment all = repeated(p.first_step().E, none, p.runs.front().count);
   for (std::size_t i = 1; i < p.runs.size(); ++i) all = joined(all, repeated(p.runs[i].step.E, none, p.runs[i].count));
   const double condition = solve_ends(all, p.boundary).reciprocal_condition;
-  if (!(condition >= singular_boundary))
-    throw Error(
-        "boundary", text("E0 + ET e^{TA} is singular (reciprocal condition %.1e)", condition),
-        "without y a mode is left open (periodic: one that is kept, or whose period divides T); give conditions "
-        "that determine the states of the scene without y, or damp the mode");
+  if (!(condition >= singular_boundary)) refuse_open_mode(condition);
   return condition;
 }
 

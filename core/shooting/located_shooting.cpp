@@ -198,6 +198,10 @@ class LocatedShooting {
       if (!solution_.D.allFinite()) return give_up("changes of x(0) grow without bounds");
       const ShootingMatrix K(c_, solution_.D, size_of_states());
       solution_.determined = K.regular;
+      const Vector& values = K.svd.singularValues();
+      solution_.condition = values[0] > 0 ? values[values.size() - 1] / values[0] : 0;
+      solution_.free = std::all_of(now_.flow.pieces.begin(), now_.flow.pieces.end(),
+                                   [](const EventPiece& p) { return !p.passed && p.active.empty(); });
       const Vector dx = K.solve(-now_.F);
       const double step = (dx.cwiseAbs().array() / size_of_states().array()).maxCoeff();
       if (!K.regular && now_.defect > rounding_of_F && !solvable(K))

@@ -31,6 +31,8 @@ struct ShootingSolution {
   std::string reason;           ///< why it is not found
   Vector x0;                    ///< m
   Matrix D;                     ///< m x m: x(T) by x(0), at the last iterate but one
+  bool free = false;            ///< no constraint is active on the way from that iterate
+  double condition = 1;         ///< reciprocal, of E0 + ET D in comparable sizes
   bool determined = true;       ///< false: E0 + ET D is singular, and other x(0) solve the problem too
   Index newton = 0, flows = 0;  ///< steps taken, and integrations
   std::vector<double> history;  ///< F relative to its terms, after each step

@@ -32,6 +32,11 @@ Scene with_start(const Scene& scene, const Vector& x0) {
   return started;
 }
 
+double residual_of(const BoundaryCondition& c, const Vector& first, const Vector& last) {
+  return (c.E0 * first + c.ET * last - c.b).cwiseAbs().maxCoeff<Eigen::PropagateNaN>() /
+         std::max(1.0, c.b.cwiseAbs().maxCoeff());
+}
+
 // Eigenvalues, the largest first.
 std::vector<Complex> eigenvalues_of(const Matrix& D) {
   const ComplexVector values = Eigen::EigenSolver<Matrix>(D, false).eigenvalues();
@@ -81,6 +86,7 @@ Result solve_by_shooting(const Scene& given, Backend& backend, const InnerOption
   Vector from = start;
   for (const double tolerance : shooting_tolerances) {
     const ShootingSolution s = shoot(scene, options, tolerance, from);
+    if (!s.determined && s.free) refuse_open_mode(s.condition);
     if (!s.found) {
       result = unsolved(scene, backend, options, s.interrupted ? Status::interrupted : Status::tolerance_not_met,
                         text("no x(0) was found in %ld integrations: ", long(s.flows)) + s.reason);
@@ -90,15 +96,15 @@ Result solve_by_shooting(const Scene& given, Backend& backend, const InnerOption
     goal.first = tolerance;
     double boundary_residual = NAN;
     goal.error_of_start = [&](const EventSolution& fine) {
-      const BoundaryCondition& c = *scene.boundary;
-      const Vector apart = c.E0 * s.x0 + c.ET * fine.x(scene.T, true) - c.b;
-      boundary_residual = apart.cwiseAbs().maxCoeff() / std::max(1.0, c.b.cwiseAbs().maxCoeff());
+      boundary_residual = residual_of(*scene.boundary, s.x0, fine.x(scene.T, true));
       StartError e = error_of_start(scene, s, fine);
       return std::pair(std::move(e.x), std::move(e.y));
     };
     result = solve_by_events(with_start(scene, s.x0), backend, options, sizes_for(given, options), goal);
     describe(scene, s, result);
     result.boundary_residual = boundary_residual;
+    if (result.x.cols() == scene.states() && result.x.rows() > 0)
+      result.boundary_residual = residual_of(*scene.boundary, s.x0, result.x.bottomRows(1).transpose());
     if (result.status == Status::solved && result.error_estimate > most_error) {
       result.status = Status::tolerance_not_met;
       result.reason =

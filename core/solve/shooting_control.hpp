@@ -14,8 +14,9 @@ namespace bromwich {
 std::string unsuited_to_shooting(const Scene&);
 
 /// x(0) by shooting, and from there the result of method events (core/solve/event_control.hpp), whose estimate of the
-/// error includes that of x(0). Status solved, interrupted, or tolerance_not_met with what was tried: the iteration
-/// starts from `start`, or where that is empty from rest.
+/// error includes that of x(0). Throws Error where no constraint is active and the condition leaves a mode open. Status
+/// solved, interrupted, or tolerance_not_met with what was tried: the iteration starts from `start`, or where that is
+/// empty from rest.
 Result solve_by_shooting(const Scene&, Backend&, const InnerOptions&, const Vector& start = {});
 
 /// The scene with the x(0) of a result of method shooting as its initial values.

@@ -133,9 +133,11 @@ TEST_F(CliFiles, MistakesNameFileLineAndKey) {
   EXPECT_TRUE(contains(refused("solve ./").err, "is a folder"));
 }
 
-TEST_F(CliFiles, BoundaryValuesAreSolvedByGalerkin) {
+TEST_F(CliFiles, BoundaryValuesAreSolvedByShooting) {
   const Json json = solved("periodic-rectifier --steps 40 --states all --out y.csv");
-  EXPECT_EQ(json["method"], "galerkin");
+  EXPECT_EQ(json["method"], "shooting");
+  ASSERT_EQ(json["multipliers"].size(), 1u);
+  EXPECT_EQ(json["multipliers"][0][1], 0.0);
   EXPECT_LE(json["boundary_residual"], 1e-12);  // |v| < 10, one subtraction
   EXPECT_TRUE(solved("decay.toml")["boundary_residual"].is_null());
   const auto lines = split(read(folder_ / "y.csv"), '\n');
@@ -148,7 +150,7 @@ TEST_F(CliFiles, BoundaryValuesAreSolvedByGalerkin) {
   EXPECT_EQ(march.exit_code, 3);
   EXPECT_TRUE(contains(march.err,
                        "unsupported: it needs initial values and the scene has boundary values; use method "
-                       "galerkin"))
+                       "shooting or galerkin"))
       << march.err;
 }
 

@@ -8,6 +8,7 @@
 #include "core/solve/shooting_control.hpp"
 #include "core/solve/switch_errors.hpp"
 #include "tests/support/reference.hpp"
+#include "tests/support/refusal.hpp"
 #include "tests/support/run.hpp"
 
 #include <gtest/gtest.h>
@@ -207,23 +208,34 @@ TEST(LocatedShooting, TakesConditionsAtBothEnds) {
   }
 }
 
+// A tank behind a check valve, and beside it one that nothing fills or empties.
 TEST(LocatedShooting, SaysThatOtherStatesArePeriodicToo) {
-  // A capacitor behind a diode, without a load: every voltage above the peak of the source stays.
-  const Scene scene = one_state(
-      0, 1, [](double) { return 0.0; }, [](double t) { return -std::sin(2 * pi * t); });
+  Scene scene = periodic({Matrix::Zero(2, 2), Matrix{{1}, {0}}, Matrix{{1, 0}}}, Matrix{{0}}, 1);
+  scene.f = [](double t, Eigen::Ref<Vector> v) { v << 2 * pi * std::cos(2 * pi * t) - 1, 0; };
   const Result r = shot(scene);
   ASSERT_EQ(r.status, Status::solved) << r.reason;
-  EXPECT_GE(r.x(0, 0), 1 - 1e-6);
   EXPECT_NE(r.warning.find("singular"), std::string::npos) << r.warning;
   EXPECT_FALSE(r.well_posed);
 }
 
+TEST(LocatedShooting, RefusesModesThatNothingDetermines) {
+  // A capacitor behind a diode, without a load: every voltage above the peak of the source stays.
+  const Scene peak = one_state(
+      0, 1, [](double) { return 0.0; }, [](double t) { return -std::sin(2 * pi * t); });
+  EXPECT_NE(refusal([&] { shot(peak); }).find("boundary: E0 + ET e^{TA} is singular"), std::string::npos);
+  const Scene scene =  // x = t, and no constraint is ever active
+      one_state(
+          0, 1, [](double) { return 1.0; }, [](double) { return 1.0; });
+  EXPECT_NE(refusal([&] { shot(scene); }).find("boundary: E0 + ET e^{TA} is singular"), std::string::npos);
+}
+
 TEST(LocatedShooting, SaysWhatWasTriedWhereNothingIsPeriodic) {
+  // Pushed off its stop once a period, x grows by e^80 and comes never back.
   const Scene scene = one_state(
-      0, 1, [](double) { return 1.0; }, [](double) { return 1.0; });  // x = t
+      80, 0, [](double t) { return -1 + 2 * std::sin(2 * pi * t); }, [](double) { return 0.0; });
   const Result r = shot(scene);
   EXPECT_EQ(r.status, Status::tolerance_not_met);
-  EXPECT_NE(r.reason.find("singular"), std::string::npos) << r.reason;
+  EXPECT_NE(r.reason.find("x(0)"), std::string::npos) << r.reason;
 }
 
 TEST(LocatedShooting, RefusesInitialValues) {
