@@ -40,11 +40,12 @@ std::map<std::string, double> periodic_values(const Circuit& c) {
   return all;
 }
 
-const char* const models = ".model SI SW(Ron=10m Roff=1Meg Vt=.5 Vh=0)\n.model DI D(Ron=10m Vfwd=.5 Roff=1Meg)\n";
+const char* const periodic_models =
+    ".model SI SW(Ron=10m Roff=1Meg Vt=.5 Vh=0)\n.model DI D(Ron=10m Vfwd=.5 Roff=1Meg)\n";
 
 // Values are known to 8 digits.
 void expect_values(const std::string& cards, const std::map<std::string, double>& known) {
-  const std::map<std::string, double> found = periodic_values(periodic(circuit_of(models + cards)));
+  const std::map<std::string, double> found = periodic_values(periodic(circuit_of(periodic_models + cards)));
   for (const auto& [name, value] : known) {
     ASSERT_TRUE(found.count(name)) << name;
     EXPECT_NEAR(found.at(name), value, 1e-7 * std::abs(value)) << name;
@@ -93,7 +94,7 @@ TEST(PeriodicCircuit, SixPulseBridge) {
 
 // Against 40 periods with a multiplier below 0.5: 1e-12.
 TEST(PeriodicCircuit, DoublerAgainstASettledTransient) {
-  const Circuit c = circuit_of(std::string(models) +
+  const Circuit c = circuit_of(std::string(periodic_models) +
                                "Va a0 0 SIN(0 100 1k)\nC1 a0 a1 1u\nD1 0 a1 DI\nD2 a1 b1 DI\nC2 0 b1 1u\nRL b1 0 1k\n"
                                ".tran 1m 1m uic\n");
   Scene scene = c.scene;
