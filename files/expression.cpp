@@ -26,7 +26,7 @@ namespace {
 constexpr const char* time_remedy = "only f, g, u, e, definitions and exact solutions may depend on it";
 
 /// Operations of formulas spent on the search for switch times: seconds at most.
-constexpr long most_work = 20'000'000;
+constexpr long most_work = 50'000'000;  ///< 1.6 million edges of pulses
 
 bool uses_time(std::string_view text) {
   const auto names = names_in(text);

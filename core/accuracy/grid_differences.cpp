@@ -92,4 +92,8 @@ double GridDifferences::halvings_to(double tolerance) const {
   return std::max(0.0, std::log2(error() / tolerance) / order());
 }
 
+double GridDifferences::fewest_halvings_to(double tolerance) const {
+  return std::max(0.0, std::log2(error() / tolerance) / std::max(order(), std::min(1.0, highest_)));
+}
+
 }  // namespace bromwich

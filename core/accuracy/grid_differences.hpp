@@ -54,6 +54,8 @@ class GridDifferences {
   bool stalled(std::size_t window) const;
   /// How often the step has to be halved for an error of `tolerance`, with the order that was seen, at least 1/2.
   double halvings_to(double tolerance) const;
+  /// The same with order 1 at least: steps that do not resolve a solution yet show less than it has.
+  double fewest_halvings_to(double tolerance) const;
   double last() const { return differences_.back(); }
   /// The larger of the last two differences, as it would be on the last grid with first order; 0 before one.
   double largest_recent() const;

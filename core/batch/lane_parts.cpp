@@ -20,6 +20,7 @@ bool LanePlan::add_parts(const DiscreteProblem& d, std::string& why) {
     why = "sources that the steps do not resolve";
     return false;
   }
+  if (2 * Index(d.scene.breakpoints.size()) >= J) return why = "sources that jump in every other step", false;
   StepPropagator propagator(A, h);
   const OneSided values(d.scene.g, n, s.resolution);
   const double g_scale = std::max(d.g.values().size() > 0 ? d.g.values().cwiseAbs().maxCoeff() : 0, 1e-290);

@@ -12,8 +12,7 @@ constexpr Index units = Index(1) << octaves;    ///< of a step
 constexpr Index coarse_units = Index(1) << 10;  ///< of a step, to which kinks and predicted times are rounded
 constexpr double same_value = 1e-9;             ///< of the largest: values that count as equal
 constexpr Index most_divisions = 5;             ///< q: Radau IIA errs by 2^-4q / 72 in a part of a layer
-constexpr Index usual_divisions = 2;            ///< the least, but where jumps are as many as steps
-constexpr Index steps_of_a_layer = 16;          ///< for each part of an octave
+constexpr Index usual_divisions = 2;            ///< the least on given steps, but where jumps are as many as these
 
 Vector size_of(const SampledSource& samples) {
   const Vector size = samples.values().cwiseAbs().colwise().maxCoeff().transpose();
@@ -32,7 +31,8 @@ Index floor_log2(Index value) {
 
 }  // namespace
 
-DyadicParts::DyadicParts(const DiscreteProblem& p, bool from_start) : p_(p), last_(from_start ? 0 : -1) {
+DyadicParts::DyadicParts(const DiscreteProblem& p, bool from_start, bool compares_grids)
+    : p_(p), last_(from_start ? 0 : -1) {
   const double resolution = p.sources ? p.sources->resolution : 256 * epsilon * p.scene.T;
   if (p.scene.f && p.f.size() > 0) {
     f_.emplace(p.scene.f, p.scene.sources(), resolution);
@@ -49,9 +49,9 @@ DyadicParts::DyadicParts(const DiscreteProblem& p, bool from_start) : p_(p), las
     const double end = p.t[rough.step];
     if (rough.step < p.J && jumps(end, end, p.h)) divided_[rough.step + 1];
   }
-  // More parts on finer grids, as long as those of all layers are no more than a few times the steps.
-  q_ = std::clamp<Index>(floor_log2(std::max<Index>(1, p.J / (steps_of_a_layer * layers))),
-                         layers < p.J ? usual_divisions : 0, most_divisions);
+  // More parts on finer grids, whose errors are seen by comparing them: with every second halving of the step.
+  if (layers < p.J) q_ = 1 + floor_log2(p.J / layers) / 2;
+  q_ = std::clamp(q_, compares_grids || layers >= p.J ? 0 : usual_divisions, most_divisions);
 }
 
 std::vector<DyadicPart> DyadicParts::of(Index step, const std::vector<double>& more, bool brief_at_end) {

@@ -23,8 +23,8 @@ struct DyadicPart {
 
 class DyadicParts {
  public:
-  /// `from_start`: a layer begins at t = 0 too.
-  DyadicParts(const DiscreteProblem&, bool from_start);
+  /// `from_start`: a layer begins at t = 0 too. `compares_grids`: every grid of a few times the steps has more parts.
+  DyadicParts(const DiscreteProblem&, bool from_start, bool compares_grids);
 
   /// The parts of a step, divided at the times `more` too, and with two of one unit at its end if `brief_at_end`. Call
   /// with increasing steps.

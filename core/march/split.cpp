@@ -153,9 +153,9 @@ class SplitMarch {
     x_ = state;
   }
 
-  // Lengths that agree to 2^-40 of a step count as equal.
+  // Lengths that agree to 2^-40 of a step count as equal, and those of many steps to the rounding of their ends.
   Part& part_of(double d) {
-    const auto key = std::llround(std::ldexp(d / p_.h, 40));
+    const auto key = std::llround(d / std::max(std::ldexp(p_.h, -40), p_.sources->resolution / 16));
     if (const auto found = parts_.find(key); found != parts_.end()) return found->second;
     if (parts_.size() >= most_kept_parts) parts_.clear();
     Part& part = parts_[key];

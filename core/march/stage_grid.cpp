@@ -43,16 +43,16 @@ class Layers {
     if (begin_.empty()) return;
     const Index count = Index(begin_.size());
     first_ = 0.1 / (std::max(rate, 1 / p.h) * double(p.J));
-    if (!all_) first_ = std::max(first_, brief * p.h);
+    first_ = std::max(first_, all_ ? least_first * epsilon * p.t[p.J] : brief * p.h);
     if (!affords_layers || !(rate * p.h > stiff)) return;
     const double factorization = std::pow(double(p.scene.states() + p.scene.constraints()), 3);
     const Index affordable = all_ ? std::max(p.J, Index(cheap / factorization)) : std::max(p.J, fewest);
     const auto growth = [&](Index layers) {
-      if (fewest * layers > affordable) return double(INFINITY);
-      return typical_decades / double(std::clamp(p.J / (4 * layers), fewest, most));
+      const Index parts = std::clamp(p.J / (4 * layers), fewest, most);
+      return typical_decades / double(std::clamp<Index>(affordable / layers, 1, parts));
     };
     growth_ = growth(count);
-    growth_at_start_ = std::isfinite(growth_) || !at_start ? growth_ : growth(1);
+    growth_at_start_ = fewest * count <= affordable || !at_start ? growth_ : growth(1);
   }
 
   bool none() const { return begin_.empty(); }
@@ -97,6 +97,7 @@ class Layers {
   double step_;                          ///< of the grid: layers behind impulses are divided up to this distance
   static constexpr double stiff = 0.05;  ///< ||A|| h above which a step does not resolve the layer
   static constexpr double shortest = 0x1p-30;
+  static constexpr double least_first = 64;        ///< times the rounding of T: ends of parts are different times
   static constexpr Index most_states = 64;         ///< every part length has its own factorization
   static constexpr Index fewest = 48, most = 400;  ///< parts of a layer
   static constexpr double typical_decades = 16;    ///< logarithm of the ratio of a step to the first part of its layer
@@ -105,7 +106,7 @@ class Layers {
   double first_ = 0;  ///< length of the part after a jump
   /// Logarithmic growth of the distance to the jump from one point to the next; infinite: one part for the rest. A row
   /// after a jump may exist on the finest grid only, so comparing grids would not show that its layer is missing. With
-  /// too many jumps only the start is resolved.
+  /// many jumps their layers have fewer parts, and more on finer grids.
   double growth_ = INFINITY, growth_at_start_ = INFINITY, start_ = 0;
   double last_ = -INFINITY;  ///< last jump passed
 };
@@ -219,10 +220,11 @@ StageGrid steps_in_parts(const DiscreteProblem& p, Layers& layers, const Contact
 }
 
 // The same with parts of few lengths.
-StageGrid steps_in_dyadic_parts(const DiscreteProblem& p, bool with_layers, const Contacts& contacts) {
+StageGrid steps_in_dyadic_parts(const DiscreteProblem& p, LayersOf layers, const Contacts& contacts) {
   GrowingGrid grid(p.t[0]);
   JumpsAtPoints jumps(p);
-  DyadicParts parts(p, with_layers);
+  const bool all = layers == LayersOf::all_jumps;
+  DyadicParts parts(p, all || layers == LayersOf::impulses_and_start, all);
   for (Index j = 1; j <= p.J; ++j) {
     std::vector<double> more;
     if (const auto contact = contacts.find(j); contact != contacts.end()) {
@@ -243,10 +245,9 @@ bool takes_limits_at_points(const DiscreteProblem& p) { return has_one_solution(
 
 StageGrid make_grid(const DiscreteProblem& p, Index stages, LayersOf layers_of, const Contacts& contacts) {
   if (stages == 1) return whole_steps(p);
-  const bool all = layers_of == LayersOf::all_jumps;
   const bool impulse_at_start = layers_of == LayersOf::impulses_and_start;
   if (!p.small_state())
-    return p.sources || impulse_at_start ? steps_in_dyadic_parts(p, all || impulse_at_start, contacts) : whole_steps(p);
+    return p.sources || impulse_at_start ? steps_in_dyadic_parts(p, layers_of, contacts) : whole_steps(p);
   Layers layers(p, layers_of);
   if (!p.sources && layers.none()) return whole_steps(p);
   return steps_in_parts(p, layers, contacts);

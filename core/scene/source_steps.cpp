@@ -22,7 +22,6 @@ constexpr double longest_part = 0.25;      ///< of a step, where grids are compa
 constexpr double smallest_part = 0x1p-36;  ///< of a step: shorter, it is a jump
 constexpr double above_changes = 8;        ///< times the change beside: samples on both sides of a jump
 constexpr std::size_t most_sudden = 16;    ///< such steps that are looked at
-constexpr Index most_declared_parts = 64;  ///< of a step; more breakpoints than that fall into equal parts
 constexpr Index most_numbers = 16000000;   ///< that pieces of f may hold
 constexpr Index most_leaves = 2048;        ///< of a step, for each source
 constexpr Index most_in_vain = 16;         ///< steps that so many leaves do not resolve; later ones get fewer,
@@ -87,6 +86,7 @@ class Inspection {
     if (J_ < 1 || (!f_.given && !g_.given)) return std::move(found_);
     short_parts_ = every_step;
     place(breakpoints);
+    budget_ += 2 * Index(inner_.size());
     look_inside(every_step, spread);
     std::sort(seen_.begin(), seen_.end());
     for (Index j = 1; j <= J_ && any_rough_; ++j)
@@ -102,6 +102,7 @@ class Inspection {
     for (const double b : breakpoints) {
       const Index near = std::clamp<Index>(Index(std::llround((b - t_[0]) / h_)), 0, J_);
       if (std::abs(b - t_[near]) <= 2 * resolution_) {
+        if (at_points_.empty() || at_points_.back() != t_[near]) at_points_.push_back(t_[near]);
         const bool before = near > 0 && own_value(near, -1), behind = near < J_ && own_value(near, +1);
         if (before) mark(near);
         if (behind) mark(near + 1);
@@ -229,13 +230,7 @@ class Inspection {
     step.step = j;
     missed_ = 0;
     step_ = j;
-    std::vector<double> cuts(first, last);
-    const bool few = Index(cuts.size()) < most_declared_parts;
-    if (!few) cuts.clear();
-    for (Index i = 1; i < most_declared_parts && !few; ++i)
-      cuts.push_back(t_[j - 1] + (t_[j] - t_[j - 1]) * double(i) / double(most_declared_parts));
-    cuts.push_back(t_[j]);
-    divide(t_[j - 1], cuts, step);
+    divide(t_[j - 1], cuts_of(j, first, last), step);
     if (f_.given) {
       std::vector<double> ends(first, last);
       ends.insert(ends.end(), step.ends.begin(), step.ends.end());
@@ -247,6 +242,28 @@ class Inspection {
     note(missed_, t_[j - 1]);
     found_.rough.push_back(std::move(step));
   }
+
+  // The breakpoints first .. last inside step j, and its end. Where grids are compared, parts between two breakpoints
+  // are more on finer grids, too, though no point of these falls between them: as many as there are steps for each
+  // breakpoint.
+  template <class Place>
+  std::vector<double> cuts_of(Index j, Place first, Place last) const {
+    const double parts = short_parts_ ? double(J_ / Index(inner_.size() + at_points_.size() + 1)) : 1;
+    std::vector<double> cuts;
+    double from = t_[j - 1];
+    bool jumps = is_at_breakpoint(from);
+    const auto add = [&](double to, bool jumps_there) {
+      for (double k = 1; k < parts && jumps && jumps_there; ++k) cuts.push_back(from + (to - from) * k / parts);
+      cuts.push_back(to);
+      from = to;
+      jumps = jumps_there;
+    };
+    for (Place cut = first; cut != last; ++cut) add(*cut, true);
+    add(t_[j], is_at_breakpoint(t_[j]));
+    return cuts;
+  }
+
+  bool is_at_breakpoint(double point) const { return std::binary_search(at_points_.begin(), at_points_.end(), point); }
 
   void note(double apart, double t) {
     if (!(apart > found_.disagreement)) return;
@@ -359,8 +376,9 @@ class Inspection {
   Inspected f_, g_;
   Index budget_, leaves_ = 0, allowed_ = most_leaves;
   SourceSteps found_;
-  std::vector<double> inner_;  ///< breakpoints inside steps
-  std::vector<bool> rough_;    ///< by step, empty where none is
+  std::vector<double> inner_;      ///< breakpoints inside steps
+  std::vector<double> at_points_;  ///< points of the grid that are breakpoints
+  std::vector<bool> rough_;        ///< by step, empty where none is
   bool any_rough_ = false;
   bool short_parts_ = false;
   double missed_ = 0;                           ///< by the parts and pieces of a step

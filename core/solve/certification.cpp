@@ -217,7 +217,7 @@ void Certification::doubt_growth(Method method, double rate, Result& result) {
                           (has_indefinite_mass(p) ? " (E is not positive definite)" : "");
   if (p.h * rate > followed) {
     sensitive_ = true;
-    demote(result, why + text(", and steps of %.3g do not resolve it: use about %.0f steps", p.h,
+    demote(result, why + text(", and steps of %.3g do not resolve it: give a tolerance, or about %.0f steps", p.h,
                               std::ceil(p.scene.T * rate / followed)));
   } else if (!options_.compares_grids && p.scene.T * rate > std::log(doubtful_growth_with_jumps)) {
     confirm_by_half_the_step(method, 1, why, result);
@@ -232,7 +232,7 @@ void Certification::doubt_many_jumps(Method method, Result& result) {
   constexpr double seen = 0.5;  // of what a step may miss
   const DiscreteProblem& p = methods_.problem();
   const Index jumps = Index(p.scene.breakpoints.size());
-  if (!p.sources || 2 * jumps < p.J || iterates(method)) return;
+  if (!p.sources || 2 * jumps < p.J) return;
   Index factor = 2;
   while (factor * p.J < parts_of_a_part * jumps && factor < largest_factor) factor *= 2;
   if (factor * p.J > most_steps || comes_out_the_same(method, factor, {seen, seen}, result)) return;
@@ -252,7 +252,8 @@ void Certification::confirm_by_fine_steps(Method method, double rate, const std:
   if (possible && comes_out_the_same(method, factor, {1, 1}, result)) return;
   sensitive_ = true;
   const double steps = std::ceil(p.scene.T * rate / followed);
-  demote(result, why + text(", and steps of %.3g do not resolve it: use about %.0f steps", p.h, steps));
+  demote(result,
+         why + text(", and steps of %.3g do not resolve it: give a tolerance, or about %.0f steps", p.h, steps));
 }
 
 // A solution that is not the only one is said to be one of several, where another one is seen.

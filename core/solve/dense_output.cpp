@@ -12,7 +12,11 @@
 #include "core/scene/port_hamiltonian.hpp"
 #include "core/solve/located_values.hpp"
 #include "core/solve/mixed.hpp"
+<<<<<<< HEAD
 #include "core/solve/shooting_control.hpp"
+=======
+#include "core/solve/stages.hpp"
+>>>>>>> 5f9503e90982e1efd103ffde9c9f38903f1b0380
 
 #include <algorithm>
 #include <cmath>
@@ -85,10 +89,11 @@ class Bends {
 };
 
 // The steps from a time point to a place behind it. A step that its march has divided, where transients are faster than
-// a step, is divided here too: with small states that costs little.
+// a step, is divided here too: with small states that costs little, and others have transients behind breakpoints.
 Index steps_between(const Scene& scene, Method method) {
   constexpr Index parts = 16;
-  return scene.dynamics->small_state() && method != Method::euler ? parts : 1;
+  const bool divides = scene.dynamics->small_state() || !scene.breakpoints.empty();
+  return divides && method != Method::euler ? parts : 1;
 }
 
 // Row k by a march over the length s that is left, from the state x at the time point t before. False if it is not
@@ -169,17 +174,46 @@ Method stepping(const Result& result) {
   return by_euler(result) ? Method::euler : Method::march;
 }
 
+// The whole states at the time points before the places between them, one column for each place; NaN where they are not
+// known. They are taken from marches over few steps at a time, so that no others are kept.
+Matrix states_by_steps(const Scene& scene, Backend& backend, const Result& result, const std::vector<Place>& places) {
+  constexpr Index most_numbers = 4000000;
+  const Index m = scene.states();
+  Matrix states = Matrix::Constant(m, Index(places.size()), NAN);
+  Index last = 0;
+  for (const Place& at : places) last = std::max(last, at.row);
+  const double h = scene.T / double(result.steps);
+  Options options;
+  options.method = stepping(result);
+  options.states = StateSelection::all;
+  RowMatrix x = scene.x0.transpose();
+  for (Index begin = 0;;) {
+    for (Index k = 0; k < states.cols(); ++k)
+      if (const Index row = places[std::size_t(k)].row - begin; row >= 0 && row < x.rows()) states.col(k) = x.row(row);
+    begin += x.rows() - 1;
+    if (begin >= last || x.rows() == 0 || !x.bottomRows(1).allFinite()) return states;
+    options.steps = std::min(std::max<Index>(1, most_numbers / m), last - begin);
+    const Vector from = x.bottomRows(1).transpose();
+    x = solve(part_of(scene, double(begin) * h, double(options.steps) * h, from), backend, options).x;
+  }
+}
+
 // By the method from the time point before: where y jumps from step to step this is its state, and its y.
 void sample_by_steps(const Scene& given, Backend& backend, const Result& result, const std::vector<Place>& places,
                      Result& sampled) {
   const Scene scene = on_grid(places) ? given : with_all_breakpoints(given);
-  const Result whole = on_grid(places) ? result : with_all_states(scene, backend, result);
+  std::vector<Place> between;
+  for (const Place& at : places)
+    if (at.part > 0) between.push_back(at);
+  const bool recorded = Index(result.x_components.size()) == scene.states();
+  const Matrix before = recorded || between.empty() ? Matrix() : states_by_steps(scene, backend, result, between);
   const double h = scene.T / double(result.steps);
-  Options options;
+  InnerOptions options;
   options.method = stepping(result);
   options.steps = steps_between(scene, options.method);
   options.states = StateSelection::all;
   options.trace = sampled.trace.cols() > 0;
+  Index next = 0;
   for (Index k = 0; k < Index(places.size()); ++k) {
     check_interruption();
     const Place& at = places[std::size_t(k)];
@@ -189,9 +223,14 @@ void sample_by_steps(const Scene& given, Backend& backend, const Result& result,
       sampled.x.row(k) = result.x.row(at.row);
       continue;
     }
-    if (!whole.x.row(at.row + 1).allFinite()) continue;
-    const Scene step = part_of(scene, double(at.row) * h, at.part * h, whole.x.row(at.row).transpose());
-    const Result one = solve(step, backend, options);
+    const Vector x = recorded ? Vector(result.x.row(at.row)) : Vector(before.col(next++));
+    if (!x.allFinite() || !result.y.row(at.row + 1).allFinite()) continue;
+    // The layer behind a breakpoint may have begun in the step before, and has parts here as it has there.
+    const double begin = double(at.row) * h, length = at.part * h;
+    const auto edge = std::lower_bound(scene.breakpoints.begin(), scene.breakpoints.end(), begin - h);
+    const bool in_layer = edge != scene.breakpoints.end() && *edge <= begin + length;
+    options.compares_grids = options.look_inside_every_step = in_layer && !scene.dynamics->small_state();
+    const Result one = solve_valid(part_of(scene, begin, length, x), backend, options);
     if (one.status == Status::infeasible || one.x.rows() != options.steps + 1) continue;
     sampled.y.row(k) = one.y.row(options.steps);
     sampled.x.row(k) = one.x.row(options.steps)(result.x_components);

@@ -25,6 +25,21 @@ double iteration_error(const std::vector<double>& history) {
 
 namespace {
 
+<<<<<<< HEAD
+=======
+/// Floating-point operations of event-driven integration, where grids have not solved the scene or the method is named.
+constexpr double patient_events = 1e11;
+/// Of T: where so much is done when the operations are spent, the integration gets as many as the rest may take.
+constexpr double worth_going_on = 0.25;
+
+/// The part of [0, T] that an integration without an end has come through.
+double reached(const Result& events) {
+  Index rows = 1;  // y(0) may be open where the rest is known
+  while (rows < events.y.rows() && events.y.row(rows).allFinite()) ++rows;
+  return double(rows) / double(std::max<Index>(1, events.y.rows()));
+}
+
+>>>>>>> 5f9503e90982e1efd103ffde9c9f38903f1b0380
 // The scene with all breakpoints of its sources; nothing if these are known already.
 std::optional<Scene> with_breakpoints(const Scene& given) {
   if (given.breakpoints_are_all || (!given.f && !given.g)) return std::nullopt;
@@ -71,7 +86,10 @@ Result solve_to_tolerance(const Scene& given, Backend& backend, const InnerOptio
   const auto by_events = [&](double most_work) {
     return solve_by_events(scene, backend, options, sizes_for(scene, options), event_goal(options, most_work));
   };
-  Result events = by_events(quick_events);
+  const double quick = quick_events(scene);
+  Result events = by_events(quick);
+  if (events.reason.rfind(out_of_work, 0) == 0 && reached(events) >= worth_going_on)
+    events = by_events(1.25 / worth_going_on * quick);
   if (events.status == Status::solved || events.status == Status::interrupted) return events;
   if (events.reason.rfind(not_unique, 0) == 0) return events;  // no grid decides which one it is
   Result result = by_grids(scene, backend, options, solve);

@@ -22,9 +22,12 @@ constexpr Index patience_with_failures = 16;  ///< times the scene's steps: belo
 constexpr double fewest_halvings_for_pieces = 4;
 constexpr double worth_of_pieces = 4;  ///< times fewer steps than a uniform grid, at least
 
+// As many steps as breakpoints, at least: with fewer, grids may look at all periods of a source in the same phases.
 Index first_grid(const Scene& scene, const Options& options) {
+  const Index jumps = std::min(Index(scene.breakpoints.size()), options.max_steps / 2);
   Index J = options.steps > 0 ? options.steps : scene.default_steps;
-  while (options.steps == 0 && J % 2 == 0 && J / 2 >= fewest_steps) J /= 2;
+  while (options.steps == 0 && J % 2 == 0 && J / 2 >= std::max(fewest_steps, jumps)) J /= 2;
+  while (J < jumps) J *= 2;
   return J;
 }
 
@@ -46,7 +49,7 @@ GridRefinement::GridRefinement(const Scene& scene, Backend& backend, const Inner
       solve_(solve),
       goal_(options),
       sizes_(sizes_for(scene, options)),
-      expected_(std::max(options.steps, scene.default_steps)),
+      expected_(std::max({options.steps, scene.default_steps, Index(scene.breakpoints.size())})),
       tried_reference_(!measures),
       share_(algebraic_share),
       last_change_(options.iteration_tolerance) {}
@@ -237,7 +240,7 @@ void GridRefinement::look_for_reference() {
   if (tried_reference_ || solved_->steps < expected_) return;
   tried_reference_ = true;
   reference_ = EventReference::find(scene_, backend_, options_, sizes_,
-                                    {goal_.smallest(), goal_.y > 0, goal_.x > 0, quick_events}, solved_->steps);
+                                    {goal_.smallest(), goal_.y > 0, goal_.x > 0, quick_events(scene_)}, solved_->steps);
   if (reference_) note(options_.log, LogLevel::info, "errors are those against a solution by located events");
 }
 

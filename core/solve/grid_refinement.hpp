@@ -14,8 +14,9 @@
 
 namespace bromwich {
 
-/// Floating-point operations of event-driven integration before grids are tried.
-inline constexpr double quick_events = 1e9;
+/// Floating-point operations of event-driven integration before grids are tried: more where sources have edges, for
+/// each of which grids have steps, too.
+inline double quick_events(const Scene& scene) { return 1e9 + 2e6 * double(scene.breakpoints.size()); }
 
 class GridRefinement {
  public:

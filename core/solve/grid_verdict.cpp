@@ -205,8 +205,8 @@ std::optional<std::string> GridRefinement::hopeless(const GridDifferences& d, do
   if (!patient && shown_ >= 2 * window_when_stalled && d.stalled(window_when_stalled))
     return text("halving the step does not bring the solutions together any more: %s still changes by %.1e", what,
                 d.last());
-  if (patient && (!d.regular() || d.last() > not_resolved)) return std::nullopt;
-  const double needed = double(solved_->steps) * std::exp2(d.halvings_to(accepted * goal - other));
+  if (!d.regular() || d.last() > not_resolved) return std::nullopt;
+  const double needed = double(solved_->steps) * std::exp2(d.fewest_halvings_to(accepted * goal - other));
   if (needed > out_of_reach * double(options_.max_steps))
     return text("about %.0e steps would be needed (--max-steps allows %ld)", needed, long(options_.max_steps));
   return std::nullopt;

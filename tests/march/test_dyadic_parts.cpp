@@ -40,7 +40,7 @@ struct Parts {
 Parts parts_of(const Scene& scene, Index J, bool from_start = false) {
   const auto backend = make_cpu_backend(1);
   const DiscreteProblem p = discretise(scene, *backend, J);
-  DyadicParts parts(p, from_start);
+  DyadicParts parts(p, from_start, false);
   Parts found;
   for (Index j = 1; j <= J; ++j)
     for (const DyadicPart& part : parts.of(j, {}, false)) {

@@ -1,7 +1,9 @@
 // Sources that are faster than the grid, on fixed grids: what enters the solution, against integrals by hand.
 
+#include "core/scene/source_steps.hpp"
 #include "core/solve/solve.hpp"
 #include "cpu/cpu_backend.hpp"
+#include "tests/support/clamped_filter.hpp"
 
 #include <gtest/gtest.h>
 
@@ -43,6 +45,13 @@ Result on_grid(const Scene& scene, Method method, Index J) {
   options.steps = J;
   options.states = StateSelection::all;
   return solve(scene, *make_cpu_backend(1), options);
+}
+
+// As grids that are compared have them.
+SourceSteps steps_of(const Scene& scene, Index J) {
+  const Vector t = Vector::LinSpaced(J + 1, 0, scene.T);
+  return find_source_steps(scene, t, sample(scene.f, t, scene.sources()), sample(scene.g, t, scene.constraints()),
+                           true);
 }
 
 double error_of_x(const Result& r, const std::function<double(double)>& exact) {
@@ -116,6 +125,42 @@ TEST(FastSources, WhatCannotBeResolvedIsGivenUpEarly) {
   EXPECT_NE(r.warning, "");
   // At most 8 values for each leaf, 2048 leaves in 16 steps and 128 in the others; 60 looks into each step before.
   EXPECT_LE(calls, 8 * (16 * 2048 + J * 128) + 60 * J);
+}
+
+// 250 edges in each of four steps: all of them are ends of parts, and the pieces of f have its integral.
+TEST(SourceSteps, KeepAllEdgesOfAStep) {
+  const oracle::ClampedFilter filter{1, 1, 0, 500, 0.3};
+  const Scene scene = filter.scene();
+  const SourceSteps steps = steps_of(scene, 4);
+  ASSERT_EQ(steps.rough.size(), 4u);
+  double integral = 0;
+  std::vector<double> ends;
+  for (const RoughStep& rough : steps.rough) {
+    ends.insert(ends.end(), rough.ends.begin(), rough.ends.end());
+    for (const SourcePiece& piece : rough.pieces)
+      integral += piece.length * (piece.phi * Eigen::Vector3d(1, 1.0 / 2, 1.0 / 3))[0];
+  }
+  for (const double edge : scene.breakpoints)
+    EXPECT_TRUE(std::binary_search(ends.begin(), ends.end(), edge) || std::abs(4 * edge - std::round(4 * edge)) < 1e-12)
+        << edge;
+  EXPECT_NEAR(integral, 0.3, 1000 * 256 * 2.2e-16);  // every edge to 256 roundings of T
+}
+
+// Pulses of a thousandth of the step: no point of any of these grids falls into one, and twice the steps have twice the
+// parts there.
+TEST(SourceSteps, DividePulsesInsideStepsFurtherOnFinerGrids) {
+  const oracle::ClampedFilter filter{1, 1, 0, 3, 1e-5};
+  const Scene scene = filter.scene();
+  const auto parts = [&](Index J) {
+    Index count = 0;
+    for (const RoughStep& rough : steps_of(scene, J).rough)
+      count += std::count_if(rough.ends.begin(), rough.ends.end(),
+                             [&](double t) { return t > 1.0 / 3 * (1 + 1e-12) && t < (1 + 1e-5) / 3 * (1 + 1e-12); });
+    return count;
+  };
+  const Index first = parts(80);
+  EXPECT_GE(first, 8);
+  for (const Index factor : {2, 4, 8}) EXPECT_NEAR(double(parts(80 * factor)), double(factor * first), factor);
 }
 
 }  // namespace
