@@ -76,6 +76,7 @@ Options solve_options(const SolveArguments& arguments, const SceneChoice& choice
   if (!choice.system) options.method = parse_method(arguments.method);
   if (!arguments.steps.empty()) options.steps = parse_steps(arguments.steps);
   options.event_location = arguments.event_location;
+  options.confirm = !arguments.no_confirm;
   parse_error_control(arguments, options, choice.tolerance);
   if (const double smallest = smallest_tolerance(options); smallest > 0 && options.method != Method::goal) {
     // A smaller iteration error than the tolerance needs would waste sweeps. A thousandth of it does not affect the
@@ -85,6 +86,8 @@ Options solve_options(const SolveArguments& arguments, const SceneChoice& choice
   if (!arguments.iteration_tolerance.empty())
     options.iteration_tolerance = parse_iteration_tolerance(arguments.iteration_tolerance);
   options.goal = goal_options(arguments.goal, options.method, choice.quantity);
+  if (arguments.no_confirm && controls_error(options))
+    throw Error("--no-confirm", "is given with a tolerance, which compares grids", "leave one of them out");
   choose_states(arguments, choice, columns, options);
   if (options.method == Method::goal && options.trace)
     throw Error("--columns", "asks for w or N x with method goal", "leave w and trace out");

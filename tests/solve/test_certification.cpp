@@ -55,6 +55,32 @@ TEST(Certificate, ContactsOfFewStepsAreMeasuredByTheStateThatTheyMove) {
   }
 }
 
+// Without confirmation nothing is solved a second time: the result is the same, and nobody has looked at its steps.
+TEST(Certificate, IsMadeOfOneSolveWhereNoConfirmationIsWanted) {
+  const auto backend = make_cpu_backend(1);
+  for (const Index steps : {50, 400}) {
+    int again = 0;
+    Options options = options_for(Method::march, steps);
+    options.states = StateSelection::all;
+    options.log = [&](const LogEntry& entry) { again += entry.text.starts_with("solved again"); };
+    const Scene scene = growing(5, 2);  // e^{10}: errors of a step grow 22,000 times
+    const Result confirmed = solve(scene, *backend, options);
+    EXPECT_GT(again, 0);
+    again = 0;
+    options.confirm = false;
+    Solver solver(scene, *backend, options);
+    for (int round = 0; round < 2; ++round) {
+      const Result result = solver.solve();
+      EXPECT_EQ(again, 0);
+      EXPECT_EQ(result.status, Status::solved) << result.reason;
+      // Growth times rounding, relative to the state.
+      EXPECT_LE((result.x - confirmed.x).cwiseAbs().maxCoeff(), 1e-9 * confirmed.x.cwiseAbs().maxCoeff());
+    }
+    options.tolerance = 1e-3;
+    EXPECT_THROW(solve(scene, *backend, options), Error);
+  }
+}
+
 // A state that grows with its rounding error keeps its relative accuracy, and half the step gives the same.
 TEST(Certificate, GrowthThatTheSolutionSharesDoesNoHarm) {
   Scene scene = growing(3, 5);
