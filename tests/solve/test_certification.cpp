@@ -2,6 +2,7 @@
 
 #include "core/accuracy/magnification.hpp"
 #include "core/kernel/discretise.hpp"
+#include "core/solve/solver.hpp"
 
 #include "tests/support/run.hpp"
 
