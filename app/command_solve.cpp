@@ -81,6 +81,7 @@ Options solve_options(const SolveArguments& arguments, const SceneChoice& choice
   if (!arguments.steps.empty()) options.steps = parse_steps(arguments.steps);
   options.event_location = arguments.event_location;
   if (!arguments.nodes.empty()) options.tuning.literal_nodes = parse_nodes(arguments.nodes, options.method);
+  options.confirm = !arguments.no_confirm;
   parse_error_control(arguments, options, choice.tolerance, choice.circuit != nullptr);
   if (const double smallest = smallest_tolerance(options); smallest > 0 && options.method != Method::goal) {
     // A smaller iteration error than the tolerance needs would waste sweeps. A thousandth of it does not affect the
@@ -90,6 +91,8 @@ Options solve_options(const SolveArguments& arguments, const SceneChoice& choice
   if (!arguments.iteration_tolerance.empty())
     options.iteration_tolerance = parse_iteration_tolerance(arguments.iteration_tolerance);
   options.goal = goal_options(arguments.goal, options.method, choice.quantity);
+  if (arguments.no_confirm && controls_error(options))
+    throw Error("--no-confirm", "is given with a tolerance, which compares grids", "leave one of them out");
   choose_states(arguments, choice, columns, options);
   if (options.method == Method::goal && options.trace)
     throw Error("--columns", "asks for w or N x with method goal", "leave w and trace out");

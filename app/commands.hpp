@@ -21,7 +21,8 @@ struct SolveArguments {
   std::string command_line;  ///< as typed, for the files that are written
   std::string log_level = "off";
   GoalArguments goal;
-  bool json = false, print_template = false, print_schema = false, energies = false, event_location = false;
+  bool json = false, print_template = false, print_schema = false, energies = false, event_location = false,
+       no_confirm = false;
 };
 
 struct BenchArguments {

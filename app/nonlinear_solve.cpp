@@ -33,6 +33,7 @@ NonlinearOptions nonlinear_options(const SolveArguments& a, const Options& optio
                                     {"--atol", !a.absolute_tolerance.empty()},
                                     {"--max-seconds", !a.max_seconds.empty()},
                                     {"--event-location", a.event_location},
+                                    {"--no-confirm", a.no_confirm},
                                     {"--energies", a.energies},
                                     {"--checkpoint", !a.checkpoint.empty()},
                                     {"--restart", !a.restart.empty()}})

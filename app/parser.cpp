@@ -105,6 +105,8 @@ CLI::App* add_command(CLI::App& app, SolveArguments& a) {
   add_files_of_results(command, a);
   command->add_flag("--event-location", a.event_location,
                     "method galerkin: solve again with nodes at the switches of the active sets");
+  command->add_flag("--no-confirm", a.no_confirm,
+                    "solve once: never again with other steps where something speaks against the result");
   add_goal_options(command, a.goal);
   command->add_flag("--energies", a.energies,
                     "with --out: columns energy, supplied_power, dissipated_power at t, and supplied, dissipated, "

@@ -13,6 +13,8 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <functional>
+#include <utility>
 
 namespace bromwich::app {
 
@@ -24,8 +26,8 @@ constexpr Index first_steps = 64;           ///< of the first part, of which nob
 constexpr Index divided_steps = 256;        ///< of a rank in the first part of a method over all time points
 constexpr Index values_together = 1 << 25;  ///< 256 MiB in a part of such a method, whose steps share the work
 constexpr Index few_states = 64;            ///< recorded at all time points, as those at the end are needed
-constexpr double share_of_interval = 0.25;  ///< of the time between checkpoints that a part may take
-constexpr double long_enough = 0.5;         ///< seconds of a part that is not made longer: its set-up is small then
+constexpr double share_of_interval = 0.25;  ///< of the time between checkpoints that a part is to take
+constexpr double most_growth = 256;         ///< of the steps of a part: the set-up hides how long its steps take
 constexpr double same_point = 1e-6;         ///< of a step: as close to a jump as the end of a part must not be
 /// How well y at the start of a part, found from x alone, must agree with y of the step before.
 constexpr double same_y = 1e-6;
@@ -164,7 +166,7 @@ class PartsRun {
         out_(out),
         components_(recorded_components(scene, options)),
         boundaries_(scene, options.steps),
-        solver_(scene, backend, of_part(scene, options, out)),
+        solver_(scene, backend, of_part(scene, options, out, [this] { return state_.row; })),
         backend_(backend) {
     choose_lengths();
     state_ = {parts.run, parts.scene, 0, options.steps, 0, scene.x0, {}, {}};
@@ -189,9 +191,16 @@ class PartsRun {
 
  private:
   /// All states of a few are recorded. Of many, those at the end of a part are computed from y, where that can be.
-  static Options of_part(const Scene& scene, const Options& options, const ResultOutput* out) {
+  /// Steps of the part that begins at row `begin()` are reported as those of the run.
+  static Options of_part(const Scene& scene, const Options& options, const ResultOutput* out,
+                         std::function<Index()> begin) {
     Options changed = options;
     changed.trace = out && out->with_slack();
+    if (options.progress)
+      changed.progress = [report = options.progress, begin = std::move(begin), steps = options.steps](Progress p) {
+        if (p.total > 0) p = {begin() + p.iteration, p.change, steps};
+        report(p);
+      };
     if (options.method != Method::euler && scene.states() > few_states) return changed;
     changed.states = StateSelection::all;
     changed.components.clear();
@@ -213,17 +222,18 @@ class PartsRun {
     return part.x.row(steps).transpose();
   }
 
+  /// Steps of a part that fill the memory which a part may take.
+  Index steps_that_fit(Index values) const {
+    return values / std::max<Index>(1, solver_.recorded() + 2 * scene_.constraints());
+  }
+
   /// Parts of a method over all time points are worth dividing among the ranks, and halve often.
   void choose_lengths() {
-    const Index n = scene_.constraints(), recorded = Index(solver_.recorded());
     if (!together(options_.method)) {
-      most_steps_ = std::max(fewest_steps, values_per_part / (scene_.states() + 2 * n));
-      next_steps_ = std::min(first_steps, most_steps_);
+      next_steps_ = std::min(first_steps, std::max(fewest_steps, steps_that_fit(values_per_part)));
       return;
     }
     next_steps_ = Index(std::bit_ceil(std::size_t(divided_steps * ranks().size())));
-    most_steps_ = std::max(next_steps_,
-                           Index(std::bit_floor(std::size_t(values_together / std::max<Index>(1, recorded + 2 * n)))));
     shortest_ = next_steps_ / 2;
   }
 
@@ -236,6 +246,7 @@ class PartsRun {
   void advance() {
     const Index begin = state_.row, end = end_of_part(begin), steps = end - begin;
     const double t = boundaries_.time(begin);
+    note(options_.log, LogLevel::debug, "part of %ld steps from t = %.6g on", long(steps), t);
     Result part = solver_.solve({scene_.T, options_.steps, begin, boundaries_.time(end) - t, steps}, state_.x);
     const Index valid = valid_steps(part);
     const bool first = begin == 0;
@@ -310,10 +321,17 @@ class PartsRun {
     total_.x = all ? RowMatrix(part.x.topRows(rows)(Eigen::all, components_)) : RowMatrix(part.x.topRows(rows));
   }
 
+  /// Longer parts where the last one took less than half of its share of the interval. Each length has a set-up.
   void choose_steps(double seconds, Index steps) {
-    const double share = share_of_interval * parts_.seconds,
-                 enough = together(options_.method) ? share : std::min(long_enough, share);
-    if (steps == next_steps_ && seconds < enough / 2) next_steps_ = std::min(2 * next_steps_, most_steps_);
+    const double share = share_of_interval * parts_.seconds;
+    if (steps != next_steps_ || seconds >= share / 2) return;
+    if (together(options_.method)) {
+      const Index most = Index(std::bit_floor(std::size_t(steps_that_fit(values_together))));
+      next_steps_ = std::max(next_steps_, std::min(2 * next_steps_, most));
+    } else {
+      const Index wanted = Index(double(steps) * std::min(most_growth, share / seconds));
+      next_steps_ = std::max(next_steps_, std::min(wanted, steps_that_fit(values_per_part)));
+    }
   }
 
   void save() {
@@ -335,7 +353,7 @@ class PartsRun {
   Boundaries boundaries_;
   PartSolver solver_;
   Backend& backend_;
-  Index most_steps_ = 0, next_steps_ = 0, shortest_ = 0, start_ = 0, saved_row_ = -1;
+  Index next_steps_ = 0, shortest_ = 0, start_ = 0, saved_row_ = -1;
   Checkpoint state_;
   Result total_;
   Timer clock_;

@@ -34,6 +34,7 @@ Json options_to_json(const SolveArguments& arguments, const Options& options) {
   if (!arguments.threads.empty()) json["threads"] = arguments.threads;
   if (!arguments.at.empty()) json["at"] = arguments.at;
   if (options.event_location) json["event_location"] = true;
+  if (!options.confirm) json["confirm"] = false;
   return json;
 }
 

@@ -17,7 +17,8 @@ void check_sweep_arguments(const SolveArguments& arguments, const ParameterValue
                                       {"--report", !arguments.report.empty()},
                                       {"--checkpoint", !arguments.checkpoint.empty()},
                                       {"--energies", arguments.energies},
-                                      {"--event-location", arguments.event_location}})
+                                      {"--event-location", arguments.event_location},
+                                      {"--no-confirm", arguments.no_confirm}})
     if (given)
       throw Error(option, "is given for a scene with [sweep]", "leave it out, or take [sweep] out of the file");
   for (const std::string& name : sweep.names)

@@ -2,6 +2,7 @@
 
 #include "core/base/error.hpp"
 #include "core/kernel/sparse_kernel.hpp"
+#include "core/kernel/states.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -139,15 +140,14 @@ Vector ContourStates::seen_transposed(const RowMatrix& rho) const {
 }
 
 // Of the contour of one step: d, l and r, and the prepared solves.
-struct ContourStates::Step {
+struct ContourStates::Step : StepFactors {
   Step(const ContourStates& of, bool transposed)
-      : threads(of.threads_), transposed(transposed), factors(of.factors_of(0)) {
-    const LagWindow& window = of.windows_.front();
-    decay = exponential_factors(window.contour, of.h_, 1, 1).row(0).transpose();
-    left = window.S.row(1).transpose();
-    right = window.F.row(0).transpose();
+      : StepFactors(step_factors(of.windows_.front(), of.h_)),
+        threads(of.threads_),
+        transposed(transposed),
+        factors(of.factors_of(0)) {
     if (factors) return;
-    for (const Complex z : window.contour.nodes) {
+    for (const Complex z : of.windows_.front().contour.nodes) {
       systems.push_back((transposed ? *of.transposed_ : of.d_)->at_shift(z));
       if (!systems.back()) throw eigenvalue_at(z);
     }
@@ -167,7 +167,6 @@ struct ContourStates::Step {
   const HostThreads& threads;
   const bool transposed;
   std::shared_ptr<const SparseShifts::Factors> factors;  ///< or null
-  ComplexVector decay, left, right;
   std::vector<std::unique_ptr<ShiftedSystem<Complex>>> systems;
 };
 

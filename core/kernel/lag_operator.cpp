@@ -3,6 +3,7 @@
 #include "core/kernel/operators.hpp"
 
 #include "core/kernel/sparse_kernel.hpp"
+#include "core/kernel/states.hpp"
 
 #include <utility>
 
@@ -12,7 +13,7 @@ namespace {
 
 class LagOperator : public TimeOperator {
  public:
-  explicit LagOperator(const DiscreteProblem& p) : TimeOperator(p) {}
+  explicit LagOperator(const DiscreteProblem& p) : TimeOperator(p), recorded_(p) {}
 
   std::string missing_weights() override { return table() ? "" : "no contour holds the spectrum of this A"; }
   bool prefers_weights() const override { return true; }
@@ -59,6 +60,7 @@ class LagOperator : public TimeOperator {
 
   RowMatrix states(Rule, const RowMatrix& y, const std::vector<Index>& components, const StepDefects*) override {
     if (!table_ || !*table_) return RowMatrix::Constant(p_.J + 1, Index(components.size()), NAN);
+    if (auto x = recorded_.stepped(y)) return *std::move(x);
     return sparse_states(p_, **table_, y);
   }
 
@@ -81,7 +83,7 @@ class LagOperator : public TimeOperator {
   bool rough_f() const { return p_.sources && p_.f.size() > 0; }
   const SparseKernel* table() {
     if (table_) return *table_ ? &**table_ : nullptr;
-    table_ = sparse_kernel(p_, p_.components);
+    table_ = sparse_kernel(p_, recorded_.in_kernel());
     x0_ = p_.scene.x0;
     f_ = p_.f.values();
     shapes_ = p_.f.shapes();
@@ -96,6 +98,7 @@ class LagOperator : public TimeOperator {
     return lags_;
   }
 
+  RecordedStates recorded_;
   std::optional<std::optional<SparseKernel>> table_;  ///< its weights are in lags_
   std::shared_ptr<Weights> lags_;
   Vector x0_;    ///< x0 of table_

@@ -7,6 +7,7 @@
 #include "core/kernel/pole_fit.hpp"
 #include "core/kernel/pole_plans.hpp"
 #include "core/kernel/rough_response.hpp"
+#include "core/kernel/states.hpp"
 #include "core/numerics/phi.hpp"
 
 #include <utility>
@@ -17,7 +18,7 @@ namespace {
 
 class PoleOperator : public TimeOperator {
  public:
-  explicit PoleOperator(const DiscreteProblem& p) : TimeOperator(p) {}
+  explicit PoleOperator(const DiscreteProblem& p) : TimeOperator(p), recorded_(std::in_place, p) {}
 
   std::string missing_weights() override { return model() ? "" : lags_->missing_weights(); }
   bool prefers_weights() const override { return true; }
@@ -78,6 +79,8 @@ class PoleOperator : public TimeOperator {
   RowMatrix states(Rule rule, const RowMatrix& y, const std::vector<Index>& components,
                    const StepDefects* defects) override {
     if (lags_) return lags_->states(rule, y, components, defects);
+    if (model_)
+      if (auto x = recorded_->stepped(y)) return *std::move(x);
     if (!model_ || Index(components.size()) != model_->components)
       return RowMatrix::Constant(p_.J + 1, Index(components.size()), NAN);
     RowMatrix x = seen_components(p_.backend, recurrence(), y) + free().rightCols(model_->components);
@@ -107,14 +110,17 @@ class PoleOperator : public TimeOperator {
   std::shared_ptr<const PoleModel> model() {
     if (tried_) return model_;
     tried_ = true;
-    PoleFit fit = fit_pole_model(p_, p_.components);
+    PoleFit fit = fit_pole_model(p_, recorded_->in_kernel());
     nodes_ = fit.nodes;
     model_ = std::move(fit.model);
     x0_ = p_.scene.x0;
     had_sources_ = p_.f.size() > 0;
     // Parts of rough steps of f = B phi need the weights of K themselves.
     if (model_ && p_.sources && had_sources_ && model_->sources == 0) model_.reset();
-    if (!model_) lags_ = make_lag_operator(p_);
+    if (!model_) {
+      recorded_.reset();  // the other one makes them
+      lags_ = make_lag_operator(p_);
+    }
     return model_;
   }
 
@@ -149,6 +155,7 @@ class PoleOperator : public TimeOperator {
     return table;
   }
 
+  std::optional<RecordedStates> recorded_;
   bool tried_ = false, had_sources_ = false;
   Index nodes_ = 0;
   std::shared_ptr<const PoleModel> model_;

@@ -88,15 +88,21 @@ Matrix linear_by_moments(const RoughStep& rough, double a, double d) {
   return linear;
 }
 
+Matrix ends_by_moments(const DiscreteProblem& p, const RoughStep& rough) {
+  Matrix linear = linear_by_moments(rough, p.t[rough.step - 1], p.h);
+  if (linear.rows() == 0) return {};
+  linear.col(1) += linear.col(0);
+  return p.f.shapes().size() > 0 ? Matrix(p.f.shapes() * linear) : linear;
+}
+
 RowMatrix rough_response(const DiscreteProblem& p, const LagTable& response) {
   const Index rows = p.J + 1, k = p.f.cols();
   RowMatrix ends = RowMatrix::Zero(rows, k), steps = RowMatrix::Zero(rows, k);
   for (const RoughStep& rough : p.sources->rough) {
     const Index j = rough.step;
-    Matrix linear = linear_by_moments(rough, p.t[j - 1], p.h);
-    if (linear.rows() == 0) continue;
-    if (p.f.shapes().size() > 0) linear = (p.f.shapes() * linear).eval();
-    const Vector start = linear.col(0) - p.f.row(j - 1), end = linear.col(0) + linear.col(1) - p.f.row(j);
+    const Matrix linear = ends_by_moments(p, rough);
+    if (linear.size() == 0) continue;
+    const Vector start = linear.col(0) - p.f.row(j - 1), end = linear.col(1) - p.f.row(j);
     ends.row(j) += end.transpose();
     steps.row(j) -= end.transpose();
     steps.row(j - 1) += start.transpose();

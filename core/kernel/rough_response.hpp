@@ -30,6 +30,9 @@ RowMatrix modal_defect(const DiscreteProblem&, const RoughStep&);
 /// d). Empty if f has no pieces there.
 Matrix linear_by_moments(const RoughStep&, double a, double d);
 
+/// Values of that function for f at both ends of a rough step (width of f x 2). Empty as above.
+Matrix ends_by_moments(const DiscreteProblem&, const RoughStep&);
+
 /// Sparse dynamics: the response to the function that is linear on every rough step and has the mean and first moment
 /// of e there, from the lag weights of f. S_d is the response to a function falling from 1 at 0 to 0 at h; W_d - S_d is
 /// the response to the other half of the hat.

@@ -48,6 +48,9 @@ struct Options {
 
   /// Method galerkin: solved again with nodes at the switches of the active sets (core/galerkin/location.hpp).
   bool event_location = false;
+  /// Without a tolerance: where something speaks against a result, it is solved again with other steps, and demoted or
+  /// warned of where they differ. False: one solve, and the checks that need no other one.
+  bool confirm = true;
   std::shared_ptr<const GoalOptions> goal = {};  ///< of method goal; null: its defaults
 
   double memory_limit = 0;  ///< bytes; a solve that is predicted to need more is refused. 0 = no limit

@@ -316,6 +316,7 @@ Result Certification::with_half_the_step(Method method, Methods& half) {
 // A scene that magnifies errors: those of the steps, seen in the first steps against half the step, may not add up to
 // the size of the state, and nowhere may the two runs part.
 void Certification::confirm_errors_stay_small(Method method, const Magnification& m, Result& result) {
+  if (!options_.confirm) return;
   const DiscreteProblem& p = methods_.problem();
   Methods half(p.scene, backend_, 2 * p.J, {}, p.sources != nullptr, methods_.family());
   const Result fine = with_half_the_step(method, half);
@@ -334,8 +335,9 @@ void Certification::confirm_errors_stay_small(Method method, const Magnification
 }
 
 // Whether J times `factor` steps give the same result, up to what a step of this size may miss. y is compared by its
-// integral, so that impulses are.
+// integral, so that impulses are. Not looked into where no confirmation is wanted.
 bool Certification::comes_out_the_same(Method method, Index factor, Slack slack, const Result& result) {
+  if (!options_.confirm) return true;
   const DiscreteProblem& p = methods_.problem();
   Methods finer(p.scene, backend_, factor * p.J, {}, p.sources != nullptr, methods_.family());
   const Result fine = with_half_the_step(method, finer);
@@ -364,6 +366,7 @@ void Certification::confirm_by_half_the_step(Method method, double slack, const 
 // A step without a solution ends the discrete problem. It says something about the scene only where the solution up
 // to there is one: with half the step the end has to stay where it is, and so has y.
 void Certification::confirm_infeasible(Result& result) {
+  if (!options_.confirm) return;
   const DiscreteProblem& p = methods_.problem();
   const Method method = result.method;
   Methods half(p.scene, backend_, 2 * p.J, {}, p.sources != nullptr, methods_.family());

@@ -5,6 +5,7 @@
 #include "core/dual/local_march.hpp"
 #include "core/kernel/operators.hpp"
 #include "core/kernel/sparse_kernel.hpp"
+#include "core/kernel/states.hpp"
 #include "core/kernel/time_operator.hpp"
 
 #include <array>
@@ -21,6 +22,7 @@ constexpr double iteration_sweeps = 100;  ///< of an iteration, as Cost::operati
 constexpr double sweeps_in_cycles = 60;   ///< eight cycles, coarser grids included
 /// Entries of L and U over m^1.2: 9.1 to 10.7 for five-point stencils on squares of 32^2 to 256^2 points, COLAMD.
 constexpr double factor_entries = 10.5;
+constexpr double nodes_of_step = 25;                             ///< at most, of SteppedStates
 constexpr double bytes_of_entry = sizeof(double) + sizeof(int);  ///< of a real sparse factor
 
 bool cycles(Method method) { return method == Method::multigrid || method == Method::dual; }
@@ -149,6 +151,16 @@ Cost with_matrices(const SparseDynamics& d, const Sizes& s, Method method) {
          {bytes_of_entry * (factor_entries * std::pow(s.m, 1.2) + double(d.A.nonZeros())), "the factors of I - hA"},
          {number * (s.m * n + 6 * n * n), "responses of the state to y (m x n)"}},
         s.J * (factor_entries * std::pow(s.m, 1.2) + s.m * n));
+  if (s.c > double(RecordedStates::most_in_kernel)) {
+    Sizes without = s;
+    without.c = 0;
+    Cost cost = with_matrices(d, without, method);
+    // One elimination takes eight nodes together, the factors of a step's contour are kept.
+    const double factors = nodes_of_step / 8 * predicted_elimination_bytes(d, d.B.cols(), 1);
+    cost.bytes += number * s.J * s.c + factors;
+    cost.operations += s.J * nodes_of_step * 4 * factor_entries * std::pow(s.m, 1.2);
+    return cost;
+  }
   if (tabulates_poles(s))
     return by_poles(s, method, {predicted_elimination_bytes(d, Index(inputs), s.threads), "factors of zI - A"},
                     2e4 * std::pow(s.m, 1.1));

@@ -81,6 +81,7 @@ void Certification::estimate_errors_at_jumps(Method method, Result& result) {
     own.y = settled_y(p, own.x, result);
     tell_unsettled_rows(p, own.y, result);
   }
+  if (!options_.confirm) return;
   const bool affordable = dense || (!p.modes() && double(p.scene.states()) * double(p.J) <= most_compared_values);
   if (!affordable || p.scene.constraints() > most_compared_constraints || p.J < fewest_to_halve || p.J % 2 != 0) return;
   std::string cause;

@@ -39,6 +39,8 @@ void validate(const Scene& scene, const Options& options) {
   if (!(options.tuning.algebraic_share >= 0) || !(options.tuning.algebraic_share < 1))
     throw Error("algebraic_share", "found " + std::to_string(options.tuning.algebraic_share),
                 "give a number from 0 to below 1");
+  if (!options.confirm && controls_error(options))
+    throw Error("confirm", "is false with a tolerance, which compares grids", "give steps in place of the tolerance");
   if (options.max_iterations < 1)
     throw Error("max_iterations", "found " + std::to_string(options.max_iterations), "give at least 1");
   if (options.tuning.literal_nodes < 2 || options.tuning.literal_nodes > 400)

@@ -36,7 +36,7 @@ NUMBERS: dict[str, tuple[str, Callable[[Any, str], float]]] = {
     "max_iterations": ("max_iterations", whole_number),
     "memory_limit": ("memory_limit", number),
 }
-OPTIONS = frozenset({"method", "states", "event_location", *NUMBERS})
+OPTIONS = frozenset({"method", "states", "event_location", "confirm", *NUMBERS})
 
 Check = bool | Literal["warn"]
 Progress = Callable[[int, int, float], object]
@@ -66,6 +66,7 @@ def solve(
     states: str | Iterable[int | str] | None = "auto",
     memory_limit: float | None = None,
     event_location: bool = False,
+    confirm: bool = True,
     **arguments: Any,
 ) -> Result:
     """Solves a scene on the time points t_j = j T/J, j = 0..J::
@@ -101,6 +102,8 @@ def solve(
             ``"auto"``: all of them where there are at most 1000.
         memory_limit: bytes; a solve that is predicted to need more is refused.
         event_location: method galerkin: solve again with nodes where constraints switch.
+        confirm: False: solve once, and never again with other steps where something speaks against the result. For
+            loops that have no time for it.
 
     Returns:
         A :class:`Result`, whatever the status is.
@@ -139,6 +142,7 @@ def solve(
         states=states,
         memory_limit=memory_limit,
         event_location=event_location,
+        confirm=confirm,
     )
     on = wanted(backend, device, threads, shared)
     with reporting(progress if _speaks(shared) else None, options.iteration_tolerance) as report:
@@ -238,6 +242,7 @@ def _options(
     method: str = "auto",
     states: str | Iterable[int | str] | None = "auto",
     event_location: bool = False,
+    confirm: bool = True,
     **numbers: float | None,
 ) -> _core.Options:
     """``numbers``: those of NUMBERS; None is that of the compiled part."""
@@ -250,6 +255,7 @@ def _options(
         raise Error(f"{found}{suggestion(method, words.split(', '))}; use one of {words}", "method") from None
     o.trace = True
     o.event_location = bool(event_location)
+    o.confirm = bool(confirm)
     absolute = method == "goal"  # of its quantity
     given = {name: value for name, value in numbers.items() if value is not None}
     tolerances = [_tolerance(given[name], name, absolute) for name in ("tol", "tol_x", "tol_y") if name in given]

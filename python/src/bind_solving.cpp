@@ -156,6 +156,7 @@ void bind_solving(nb::module_& m) {
       .def_rw("max_iterations", &Options::max_iterations)
       .def_rw("trace", &Options::trace)
       .def_rw("event_location", &Options::event_location)
+      .def_rw("confirm", &Options::confirm)
       .def_rw("memory_limit", &Options::memory_limit)
       .def("record_no_states", [](Options& o) { select_states(o, StateSelection::none, {}); })
       .def("record_all_states", [](Options& o) { select_states(o, StateSelection::all, {}); })

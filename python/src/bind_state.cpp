@@ -104,7 +104,7 @@ void members_of_options(const Each& each, O& o) {
   each("control_states", o.control_states), each("max_steps", o.max_steps), each("max_seconds", o.max_seconds);
   each("iteration_tolerance", o.iteration_tolerance), each("max_iterations", o.max_iterations);
   each("states", o.states), each("components", o.components), each("trace", o.trace);
-  each("event_location", o.event_location), each("memory_limit", o.memory_limit);
+  each("event_location", o.event_location), each("confirm", o.confirm), each("memory_limit", o.memory_limit);
 }
 
 nb::dict state_of(const Result& r) {

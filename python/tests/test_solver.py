@@ -52,3 +52,15 @@ def test_errors_do_not_break_a_solver(diode):
         solver.solve()
     solver.set_sources(g=lambda t: -t)
     np.testing.assert_allclose(solver.solve().y, bromwich.solve(**diode, g=lambda t: -t, steps=50).y, atol=1e-13)
+
+
+def test_one_solve_without_confirmation():
+    # Perturbations of x = cos t grow by e^10, which half the step shows.
+    growing = bromwich.Scene(A=5.0, B=1.0, N=0.0, M=1.0, g=1.0, f="-sin(t) - 5*cos(t)", x0=1.0, T=2.0)
+    confirmed = bromwich.solve(growing, steps=8, method="march", check=False)
+    alone = bromwich.Solver(growing, steps=8, method="march", confirm=False).solve()
+    assert confirmed.status == "tolerance_not_met"
+    assert alone.status == "solved"
+    np.testing.assert_allclose(alone.x, confirmed.x, rtol=1e-9)
+    with pytest.raises(bromwich.Error, match="confirm"):
+        bromwich.solve(growing, tol=1e-3, confirm=False)

@@ -2,6 +2,7 @@
 
 #include "core/accuracy/magnification.hpp"
 #include "core/kernel/discretise.hpp"
+#include "core/solve/solver.hpp"
 
 #include "tests/support/run.hpp"
 
@@ -52,6 +53,32 @@ TEST(Certificate, ContactsOfFewStepsAreMeasuredByTheStateThatTheyMove) {
     // Relative to x(T) = (e^{aT} - 1)/a, h e^{aT} is h a / (1 - e^{-aT}), and less where a < 0.
     EXPECT_LE(magnification(p, Rule::exponential, y).impulse, p.h * std::max(a, 1.0) / (1 - std::exp(-2.0))) << a;
     EXPECT_GE(magnification(p, Rule::exponential, single).impulse, 0.3) << a;
+  }
+}
+
+// Without confirmation nothing is solved a second time: the result is the same, and nobody has looked at its steps.
+TEST(Certificate, IsMadeOfOneSolveWhereNoConfirmationIsWanted) {
+  const auto backend = make_cpu_backend(1);
+  for (const Index steps : {50, 400}) {
+    int again = 0;
+    Options options = options_for(Method::march, steps);
+    options.states = StateSelection::all;
+    options.log = [&](const LogEntry& entry) { again += entry.text.starts_with("solved again"); };
+    const Scene scene = growing(5, 2);  // e^{10}: errors of a step grow 22,000 times
+    const Result confirmed = solve(scene, *backend, options);
+    EXPECT_GT(again, 0);
+    again = 0;
+    options.confirm = false;
+    Solver solver(scene, *backend, options);
+    for (int round = 0; round < 2; ++round) {
+      const Result result = solver.solve();
+      EXPECT_EQ(again, 0);
+      EXPECT_EQ(result.status, Status::solved) << result.reason;
+      // Growth times rounding, relative to the state.
+      EXPECT_LE((result.x - confirmed.x).cwiseAbs().maxCoeff(), 1e-9 * confirmed.x.cwiseAbs().maxCoeff());
+    }
+    options.tolerance = 1e-3;
+    EXPECT_THROW(solve(scene, *backend, options), Error);
   }
 }
 
