@@ -3,8 +3,8 @@
 #include "app/ranks.hpp"
 #include "core/base/error.hpp"
 #include "core/lcp/lcp_class.hpp"
+#include "core/result/slack.hpp"
 #include "core/scene/component_names.hpp"
-#include "core/scene/separable.hpp"
 
 #include <fmt/format.h>
 
@@ -62,14 +62,6 @@ bool any_finite(const RowMatrix& values, Index j) {
 
 ResultFormat result_format(const std::string& argument, const std::string& name) {
   return format_of(argument, name).second;
-}
-
-RowMatrix slack_rows(const Scene& scene, const Result& result, Index first, Index last) {
-  const Index count = last - first + 1;
-  const Vector t = result.t.segment(first, count);
-  RowMatrix w = sample(scene.g, t, scene.constraints()).table() + result.trace.middleRows(first, count);
-  for (Index j = 0; j < count; ++j) w.row(j) += multiply(scene.M, result.y.row(first + j).transpose()).transpose();
-  return w;
 }
 
 Index valid_rows(const Result& result) {
@@ -173,7 +165,7 @@ void ResultOutput::append(const Scene& part, const Result& result, const Vector&
   for (Index begin = first; begin <= last; begin += step) {
     const Index count = std::min(step, last + 1 - begin);
     RowMatrix w = RowMatrix::Constant(count, scene_.constraints(), std::nan("")), x;
-    if (result.trace.rows() == result.t.size()) w = slack_rows(part, result, begin, begin + count - 1);
+    if (result.trace.rows() == result.t.size()) w = slack(part, result, begin, count);
     if (!all) x = result.x.middleRows(begin, count)(Eigen::all, states_);
     using View = Eigen::Ref<const RowMatrix>;
     growing_->append({t.segment(begin - first, count), result.y.middleRows(begin, count), w,
@@ -206,7 +198,7 @@ void ResultOutput::write(const Result& sampled, const Result& result, const std:
   ResultColumns wanted = columns(sampled.x_components);
   wanted.slack = sampled.trace.rows() == sampled.t.size();
   RowMatrix w;
-  if (wanted.slack && rows > 0) w = slack_rows(scene_, sampled, 0, rows - 1);
+  if (wanted.slack && rows > 0) w = slack(scene_, sampled, 0, rows);
   const RowMatrix missing(0, 0);
   using View = Eigen::Ref<const RowMatrix>;
   const bool has_y = sampled.y.rows() >= rows && sampled.y.cols() == scene_.constraints();

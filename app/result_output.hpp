@@ -79,9 +79,6 @@ class ResultOutput {
   bool finished_ = false;
 };
 
-/// N x + M y + g for rows first to last of a result that has N x.
-RowMatrix slack_rows(const Scene&, const Result&, Index first, Index last);
-
 /// The number of rows up to the last one with a value.
 Index valid_rows(const Result&);
 

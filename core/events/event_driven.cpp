@@ -4,6 +4,9 @@
 #include "core/events/event_step.hpp"
 #include "core/events/short_steps.hpp"
 #include "core/events/successor.hpp"
+#include "core/kernel/start_rounding.hpp"
+
+#include <Eigen/Dense>
 
 #include <algorithm>
 #include <cmath>
@@ -13,7 +16,6 @@ namespace bromwich {
 namespace {
 
 constexpr Index most_states = 64, most_constraints = 48;
-constexpr Index most_enumerated = 5;  ///< constraints whose active sets are all tried
 constexpr double rounding_defect = 3e-13;
 constexpr int idle_events = 40;      ///< events within a short time that count as accumulated
 constexpr double idle_share = 1e-7;  ///< of T: that time
@@ -48,14 +50,17 @@ class EventIntegration {
     at_.sizes.u = {of_x, of_x, of_x, of_y, of_y, of_y};
     at_.h = longest_;
     at_.x = scene.x0;
+    at_.sizes.include_x(at_.x);
+    put_on_constraints();
     at_.y = at_.integral = at_.sizes.y = solution_.doubt = of_y;
   }
 
   EventSolution run() {
-    enumerates_ = !short_steps_.unique(class_);
+    const bool unique = short_steps_.unique(class_);
+    enumerates_ = !unique && n_ <= Successor::most_enumerated;
+    solution_.unique = unique || enumerates_;
     // A least element that is no solution of least norm is not selected by trying.
-    const bool selects = selects_least(class_) && !is_PSD(LcpMatrix(system_.M));
-    if (enumerates_ && (n_ > most_enumerated || selects)) {
+    if (!unique && selects_least(class_) && !is_PSD(LcpMatrix(system_.M))) {
       solution_.reason = "the complementarity problem of a short step is not of class P";
       return std::move(solution_);
     }
@@ -71,6 +76,22 @@ class EventIntegration {
   }
 
  private:
+  // Constraints on the state alone that x0 violates by rounding: the smallest change of x0 that meets them, each
+  // component relative to its size.
+  void put_on_constraints() {
+    Vector g = Vector::Zero(n_);
+    for (int k = 0; k <= 8; ++k) g = g.cwiseMax(sources_.g(T_ * k / 8).cwiseAbs());
+    const Vector w = system_.N * at_.x + sources_.g(0), f = sources_.f(0);
+    const Vector terms = terms_of_motion(system_.A, system_.N, at_.x, f, g, T_);
+    std::vector<Index> rows;
+    for (Index i = 0; i < n_; ++i)
+      if (w[i] < 0 && w[i] >= -rounding_of_restarts * terms[i] && system_.M.row(i).isZero(0)) rows.push_back(i);
+    if (rows.empty()) return;
+    const Vector size = terms_of_motion(system_.A, Matrix::Identity(m_, m_), at_.x, f, Vector::Zero(m_), T_);
+    const Matrix N = system_.N(rows, Eigen::all) * size.asDiagonal();
+    at_.x -= size.cwiseProduct(Eigen::CompleteOrthogonalDecomposition<Matrix>(N).solve(Vector(w(rows))));
+  }
+
   bool give_up(const std::string& why) {
     solution_.reason = why + text(" at t = %.6g", at_.t);
     return false;
@@ -91,9 +112,15 @@ class EventIntegration {
   bool continue_with(const std::optional<std::vector<Index>>& likely, bool y_is_known) {
     const Vector before = at_.y;
     const double t = at_.t;
-    const Successor::Choice next =
+    const EventPoint here = at_;
+    Successor::Choice next =
         enumerates_ ? successor_.choose_among_all(at_) : successor_.choose(at_, y_is_known, likely);
-    if (!next.unique) return give_up(std::string(several_solutions) + ": two active sets continue it differently");
+    if (!next.mode && !enumerates_ && n_ <= Successor::most_enumerated) {
+      at_ = here;
+      next = successor_.choose_among_all(at_);
+    }
+    if (!next.unique && enumerates_)
+      return give_up(std::string(several_solutions) + ": two active sets continue it differently");
     if (!next.mode) return pass_unknown();
     unknown_ = 0;
     mode_ = next.mode;
@@ -132,6 +159,7 @@ class EventIntegration {
     const Vector values = legendre(step.valid);
     at_.x = step.x.transpose() * values;
     at_.y = step.y.transpose() * values;
+    at_.zero_w = step.zero_w;
     at_.integral += step.length * (step.y.transpose() * legendre_integrals(step.valid));
     at_.t = to;
     if (step.valid >= 1) propose_length(step);
@@ -195,6 +223,7 @@ class EventIntegration {
     solution_.pieces.push_back(piece);
     at_.x = step.x;
     at_.y = step.y;
+    at_.zero_w.resize(0);
     at_.integral += h * step.y;
     at_.t += h;
     return true;

@@ -9,9 +9,10 @@
 // new active set it jumps. Where events accumulate (sliding motion, Zeno), a short step of implicit Euler passes the
 // accumulation.
 //
-// Where M, or the matrix of a short step of implicit Euler, is of class P or monotone (core/lcp), the solution is
-// unique. Otherwise all active sets are tried at every step, for few constraints, and the integration ends where two of
-// them continue the solution differently, or impulses lead to different states.
+// Where M, or the matrix of a short step of implicit Euler, is of class P, monotone or a limit of matrices of class P
+// (core/lcp), the solution is unique. Otherwise all active sets are tried at every step, for few constraints, and the
+// integration ends where two of them continue the solution differently, or impulses lead to different states. For more
+// constraints the solution is one that may not be the only one.
 
 #include "../lcp/matrix.hpp"
 #include "../scene/scene.hpp"
@@ -51,6 +52,7 @@ struct EventSolution {
   Index events = 0, jumps = 0, accumulations = 0, breakpoints = 0;
   double defect = 0;       ///< largest last coefficients of all steps, as the tolerance counts them
   Vector doubt;            ///< n: error of y, since values below rounding and `tolerance` counted as zero
+  bool unique = true;      ///< false: another solution may exist, and was not looked for
   bool continuous = true;  ///< y has no jump or impulse after t = 0
   Vector jump_at_start;    ///< n: the impulse at t = 0; empty if there is none
   std::vector<EventPiece> pieces;

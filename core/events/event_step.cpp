@@ -60,6 +60,14 @@ Matrix moved_within(double h, const Matrix& A) {
   return h * (I - h * A).partialPivLu().inverse();
 }
 
+// Whether a polynomial is nowhere above `zero` before `at`, where it is below -zero.
+bool is_never_above(const Vector& coefficients, double at, double zero) {
+  constexpr int looks = 16;
+  for (int k = 0; k < looks; ++k)
+    if (coefficients.dot(legendre(at * k / looks)) > zero) return false;
+  return true;
+}
+
 }  // namespace
 
 EventSizes EventSizes::with(const EventStep& step) const {
@@ -196,7 +204,8 @@ Vector EventSteps::doubt(const SwitchedMode& mode, const Vector& of_y, const Vec
 }
 
 // The part of the step on which y and w are nonnegative.
-void EventSteps::find_event(const SwitchedMode& mode, const EventPoint& p, EventStep& step) const {
+void EventSteps::find_event(const SwitchedMode& mode, const EventPoint& p, const std::vector<char>* free,
+                            EventStep& step) const {
   const Collocation& c = Collocation::get();
   const EventSizes sizes = p.sizes.with(step);
   const JetValues& size = sizes.u;
@@ -205,27 +214,35 @@ void EventSteps::find_event(const SwitchedMode& mode, const EventPoint& p, Event
   // A state that terms of x' hold at zero is rounding of these terms.
   const Vector rounding = rounding_of_x(sizes), in_y = mode.y.x.cwiseAbs() * rounding,
                in_w = system_.N.cwiseAbs() * rounding;
+  // Terms of N x and M y that cancel in the mode leave their rounding, not the error of the steps.
+  step.zero_w = noise() * terms(mode.w, size) + 64 * epsilon * of_w + in_w;
   if (!sources_agree(mode, size, step)) {
     step.valid = 0;
     step.event = mode.active.front();
+    step.at_once = true;
     step.doubt = Vector::Zero(system_.constraints());
     return;
   }
   step.valid = 1;
   step.event = -1;
+  step.at_once = false;
   Vector of_event;
+  double zero_of_event = 0;
   std::size_t k = 0;
   for (Index i = 0; i < system_.constraints(); ++i) {
     const bool active = k < mode.active.size() && mode.active[k] == i;
     if (active) ++k;
-    const double zero = noise() * (active ? of_y[i] : of_w[i]) + (active ? in_y[i] : in_w[i]) + 1e-290;
+    if (free && (*free)[std::size_t(i)]) continue;
+    const double zero = (active ? noise() * of_y[i] + in_y[i] : step.zero_w[i]) + 1e-290;
     const Vector coefficients = (active ? step.y : step.w).col(i);
     const double at = first_below(c.bernstein * coefficients, zero);
     if (at >= step.valid) continue;
     step.valid = at;
     step.event = i;
     of_event = coefficients;
+    zero_of_event = zero;
   }
+  if (step.event >= 0) step.at_once = is_never_above(of_event, step.valid, zero_of_event);
   if (step.event >= 0 && step.valid > 0) step.valid = zero_before(of_event, step.valid);
   step.doubt = doubt(mode, of_y, of_w, step);
 }
@@ -248,7 +265,7 @@ void EventSteps::look_closer(EventPoint& p, EventStep& step) const {
   step.defect = std::max(step.defect, source_defect(p.sizes.with(step).u, step.sources));
 }
 
-bool EventSteps::resolve(const SwitchedMode& mode, EventPoint& p, EventStep& step) {
+bool EventSteps::resolve(const SwitchedMode& mode, EventPoint& p, EventStep& step, const std::vector<char>* free) {
   double h = longest_from(p);
   double before = INFINITY;
   bool shortened = false;
@@ -260,7 +277,7 @@ bool EventSteps::resolve(const SwitchedMode& mode, EventPoint& p, EventStep& ste
     const bool rounding = step.defect <= rounding_tail && step.defect > 0.5 * before;
     if (step.defect <= tolerance_) look_closer(p, step);
     if (step.defect <= tolerance_ || rounding) {
-      find_event(mode, p, step);
+      find_event(mode, p, free, step);
       const bool known = y_is_known(mode, p, step);
       if (!known) sign_is_lost_ = true;
       return known;

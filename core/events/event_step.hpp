@@ -14,11 +14,13 @@ namespace bromwich {
 struct EventStep {
   double length = 0, defect = INFINITY, valid = 0;
   Index event = -1;        ///< the component of y or w that becomes negative after `valid`
+  bool at_once = false;    ///< it is not positive before
   bool shortened = false;  ///< it is shorter than proposed
   Matrix x, y, w;
   EventSources::Polynomials sources;
   Matrix df, dg, ddg;
-  Vector doubt;  ///< n: error of y, since values of y and w below zero were counted as zero
+  Vector doubt;   ///< n: error of y, since values of y and w below zero were counted as zero
+  Vector zero_w;  ///< n: values of w up to these count as zero
 };
 
 /// Largest absolute values of each component so far.
@@ -38,6 +40,7 @@ struct EventPoint {
   double h = 0;     ///< the proposed step
   Vector x;         ///< m
   Vector y;         ///< n: the limit from the left
+  Vector zero_w;    ///< n: values of w from the left that count as zero; empty at t = 0
   Vector integral;  ///< n: of y from 0, impulses included
   EventSizes sizes;
   double work = 0;  ///< floating-point operations so far, about
@@ -56,8 +59,9 @@ class EventSteps {
   /// Whether a step was refused since rounding of y moves the state: the sign of y is not known.
   bool sign_is_lost() const { return sign_is_lost_; }
 
-  /// The longest resolved step in a mode, with its validity. False if none is.
-  bool resolve(const SwitchedMode&, EventPoint&, EventStep&);
+  /// The longest resolved step in a mode, with its validity. False if none is. `free`: components whose sign does not
+  /// count.
+  bool resolve(const SwitchedMode&, EventPoint&, EventStep&, const std::vector<char>* free = nullptr);
   /// f, g and their derivatives, those that the mode needs, on [t, t + h] with an h that resolves them. Returns h.
   double sample_resolved(const SwitchedMode&, const EventPoint&, EventStep&) const;
 
@@ -66,7 +70,7 @@ class EventSteps {
   EventStep attempt(const SwitchedMode&, EventPoint&, double h);
   bool sources_agree(const SwitchedMode&, const JetValues& size, const EventStep&) const;
   bool y_is_known(const SwitchedMode&, const EventPoint&, const EventStep&) const;
-  void find_event(const SwitchedMode&, const EventPoint&, EventStep&) const;
+  void find_event(const SwitchedMode&, const EventPoint&, const std::vector<char>* free, EventStep&) const;
   Vector doubt(const SwitchedMode&, const Vector& of_y, const Vector& of_w, const EventStep&) const;
   void look_closer(EventPoint&, EventStep&) const;
   double work_of_sources() const;

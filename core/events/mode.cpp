@@ -20,6 +20,10 @@ Jet stacked(const Jet& a, const Jet& b) {
   return {both(a.x, b.x), both(a.f, b.f), both(a.df, b.df), both(a.g, b.g), both(a.dg, b.dg), both(a.ddg, b.ddg)};
 }
 
+Jet sum(const Jet& a, const Jet& b) {
+  return {a.x + b.x, a.f + b.f, a.df + b.df, a.g + b.g, a.dg + b.dg, a.ddg + b.ddg};
+}
+
 // The derivative without its part of y, which is c.x B.
 Jet derivative(const Jet& c, const Matrix& A) {
   return {c.x * A, c.x, c.f, Matrix::Zero(c.g.rows(), c.g.cols()), c.g, c.dg};
@@ -88,6 +92,14 @@ Jet absolute(const Jet& c) {
   return {c.x.cwiseAbs(), c.f.cwiseAbs(), c.df.cwiseAbs(), c.g.cwiseAbs(), c.dg.cwiseAbs(), c.ddg.cwiseAbs()};
 }
 
+Jet without_rounding(const Jet& c, const Jet& terms) {
+  const auto clean = [](const Matrix& a, const Matrix& of) -> Matrix {
+    return (a.cwiseAbs().array() > 64 * epsilon * of.array()).select(a, 0.0);
+  };
+  return {clean(c.x, terms.x), clean(c.f, terms.f),   clean(c.df, terms.df),
+          clean(c.g, terms.g), clean(c.dg, terms.dg), clean(c.ddg, terms.ddg)};
+}
+
 struct Split {
   Jet constraints;  ///< on the state: their rows of x are independent
   Jet conditions;   ///< on f and g alone
@@ -124,7 +136,11 @@ bool determine_y(const SystemMatrices& s, const std::vector<Index>& active, cons
                          svd.matrixU().leftCols(rank).transpose();
   Matrix select = Matrix::Zero(s.constraints(), a);
   for (Index i = 0; i < a; ++i) select(active[std::size_t(i)], i) = 1;
-  y = Matrix(select * -inverse) * C;
+  // Coefficients of rounding are zero: values of y that vanish in the mode would have a sign otherwise.
+  const Matrix terms = svd.matrixV().leftCols(rank).cwiseAbs() *
+                       svd.singularValues().head(rank).cwiseInverse().asDiagonal() *
+                       svd.matrixU().leftCols(rank).transpose().cwiseAbs();
+  y = without_rounding(Matrix(select * -inverse) * C, Matrix(select * terms) * absolute(C));
   return true;
 }
 
@@ -142,7 +158,14 @@ Matrix impulses(const SystemMatrices& s, const std::vector<Index>& active, const
     system.row(i) *= moved ? 1 / largest : 0;
     right.row(i) *= moved ? 1 / largest : 0;
   }
-  const Matrix p = Eigen::CompleteOrthogonalDecomposition<Matrix>(system).solve(right);
+  Matrix p = Eigen::CompleteOrthogonalDecomposition<Matrix>(system).solve(right);
+  // Entries of rounding are zero: their signs would count. They are compared by what they move in the rows.
+  const Vector moves = system.cwiseAbs().colwise().maxCoeff().transpose();
+  for (Index j = 0; j < c; ++j) {
+    const Vector size = p.col(j).cwiseAbs().cwiseProduct(moves);
+    for (Index i = 0; i < a; ++i)
+      if (size[i] <= 1e-12 * size.maxCoeff()) p(i, j) = 0;
+  }
   Matrix impulse = Matrix::Zero(s.constraints(), c);
   for (Index i = 0; i < a; ++i) impulse.row(active[std::size_t(i)]) = p.row(i);
   return impulse;
@@ -153,7 +176,10 @@ Matrix impulses(const SystemMatrices& s, const std::vector<Index>& active, const
 std::optional<SwitchedMode> make_switched_mode(const SystemMatrices& s, const std::vector<Index>& active) {
   const Index m = s.states(), n = s.constraints(), a = Index(active.size());
   const Jet none = Jet::zero(0, m, n);
-  SwitchedMode mode{active, s.A, Jet::zero(n, m, n), false, false, false, none, none, none, Matrix::Zero(n, 0)};
+  Jet seen = Jet::zero(n, m, n);
+  seen.x = s.N;
+  seen.g.setIdentity();
+  SwitchedMode mode{active, s.A, Jet::zero(n, m, n), seen, false, false, false, none, none, none, Matrix::Zero(n, 0)};
   if (a == 0) return mode;
   const Matrix B = s.B(Eigen::all, active);
   Matrix E = s.M(active, active);
@@ -186,6 +212,7 @@ std::optional<SwitchedMode> make_switched_mode(const SystemMatrices& s, const st
     E = next;
   }
   mode.A += s.B * mode.y.x;
+  mode.w = sum(seen, s.M * mode.y);
   for (const Jet* rows : {&mode.y, &mode.conditions}) {
     mode.uses_df = mode.uses_df || (rows->df.array() != 0).any();
     mode.uses_dg = mode.uses_dg || (rows->dg.array() != 0).any();

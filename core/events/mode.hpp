@@ -44,7 +44,7 @@ struct JetValues {
 struct SwitchedMode {
   std::vector<Index> active;
   Matrix A;                                                 ///< m x m, x' = A x + B (y without its part of x) + f
-  Jet y;                                                    ///< n rows: y as a function of u
+  Jet y, w;                                                 ///< n rows each: y and w as functions of u
   bool uses_df = false, uses_dg = false, uses_ddg = false;  ///< y depends on these
   Jet constraints;                                          ///< rows that vanish on the states of this mode
   /// Rows without x that vanish on the sources of this mode: constraints that agree, like two equal rows of w.

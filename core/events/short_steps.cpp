@@ -1,6 +1,7 @@
 #include "core/events/short_steps.hpp"
 
 #include "core/lcp/active_set.hpp"
+#include "core/lcp/solution.hpp"
 
 #include <Eigen/Dense>
 
@@ -8,21 +9,52 @@
 
 namespace bromwich {
 
+namespace {
+
+constexpr double raised = 1e-9;      ///< of the diagonal, beside entries of 1
+constexpr double zero_share = 1e-9;  ///< of the terms of w: less is zero
+constexpr Index most_exact = 16;     ///< constraints whose principal minors are all computed
+
+double largest_rate(const Matrix& A) {
+  return A.rows() > 0 ? Eigen::EigenSolver<Matrix>(A, false).eigenvalues().cwiseAbs().maxCoeff() : 0;
+}
+
+}  // namespace
+
 ShortSteps::ShortSteps(const SystemMatrices& system, const EventSources& sources, double T)
-    : system_(system), sources_(sources), rate_(std::max(1 / T, system.A.cwiseAbs().rowwise().sum().maxCoeff())) {}
+    : system_(system), sources_(sources), rate_(std::max(1 / T, largest_rate(system.A))) {}
 
 bool ShortSteps::unique(LcpClass lcp_class) {
   class_ = LcpClass::P;
+  limit_of_P_ = false;
   if (system_.constraints() == 0 || has_one_solution(lcp_class)) return true;
-  if (!is_PSD(LcpMatrix(system_.M))) return false;
+  const bool monotone_M = is_PSD(LcpMatrix(system_.M));
   for (const double share : {1e-2, 1e-5}) {
-    const Matrix moved = response(share / rate_);
-    if (has_one_solution(classify(LcpMatrix(Matrix(system_.M + moved))))) continue;
+    const Matrix moved = response(share / rate_), whole = system_.M + moved;
+    if (has_one_solution(classify(LcpMatrix(whole)))) continue;
     // The parts of M and of the response by themselves: that of a skew M is zero, and rounding of M does not count.
-    if (!is_monotone(Matrix(system_.M + system_.M.transpose()) + Matrix(moved + moved.transpose()))) return false;
-    class_ = LcpClass::PSD;
+    const Monotone found = monotone_M
+                               ? monotone(Matrix(system_.M + system_.M.transpose()) + Matrix(moved + moved.transpose()))
+                               : Monotone::no;
+    if (found == Monotone::yes) {
+      class_ = LcpClass::PSD;
+      continue;
+    }
+    limit_of_P_ = found == Monotone::no && system_.constraints() <= most_exact && is_P_exact(regularized(whole));
+    if (!limit_of_P_) {
+      class_ = LcpClass::unknown;
+      return false;
+    }
   }
+  if (limit_of_P_) class_ = LcpClass::P;
   return true;
+}
+
+// With a larger diagonal, in units in which the entries are about 1.
+Matrix ShortSteps::regularized(const Matrix& P) const {
+  const Equilibration e = equilibrate(P);
+  const Vector unit = e.rows.cwiseProduct(e.columns).cwiseInverse();
+  return P + Matrix((raised * unit).asDiagonal());
 }
 
 // h N (I - hA)^{-1} B: what y adds to w within a step.
@@ -31,32 +63,38 @@ Matrix ShortSteps::response(double h) const {
   return h * (system_.N * shifted.partialPivLu().solve(system_.B));
 }
 
-// Whether the problem of a step, with twice the symmetric part S of its matrix, is monotone and determines B y: the
-// difference of two solutions lies in the null space of S.
-bool ShortSteps::is_monotone(const Matrix& S) const {
+// Whether the problem of a step, with twice the symmetric part S of its matrix, is monotone, and whether it determines
+// B y: the difference of two solutions lies in the null space of S.
+ShortSteps::Monotone ShortSteps::monotone(const Matrix& S) const {
   const Index n = system_.constraints();
   const Vector by = S.diagonal().cwiseAbs().cwiseMax(1e-290).cwiseSqrt().cwiseInverse();
   const Eigen::SelfAdjointEigenSolver<Matrix> solver(Matrix(by.asDiagonal() * S * by.asDiagonal()));
   const Matrix B = system_.B * by.asDiagonal();
   const double zero = 1e-9 * solver.eigenvalues()[n - 1];
-  if (!(solver.eigenvalues()[0] >= -zero)) return false;
+  if (!(solver.eigenvalues()[0] >= -zero)) return Monotone::no;
+  const Vector size = B.cwiseAbs().rowwise().maxCoeff();  // of each state: they may have any units
   for (Index k = 0; k < n; ++k)
     if (solver.eigenvalues()[k] < zero &&
-        (B * solver.eigenvectors().col(k)).cwiseAbs().maxCoeff() > 1e-7 * B.cwiseAbs().maxCoeff())
-      return false;
-  return true;
+        ((B * solver.eigenvectors().col(k)).cwiseAbs().array() > 1e-7 * size.array()).any())
+      return Monotone::moves_the_state;
+  return Monotone::yes;
 }
 
+// By increments of x and g: w of a constraint that the state touches is lost in rounding of x otherwise.
 ShortSteps::Step ShortSteps::take(double t, double h, const Vector& x, const Vector& offset) const {
   const Index m = system_.states();
   const Eigen::PartialPivLU<Matrix> lu(Matrix::Identity(m, m) - h * system_.A);
-  const Matrix moved = h * lu.solve(system_.B);
-  const Vector free = lu.solve(x + h * sources_.f(t + h));
-  const Vector q = system_.N * free + sources_.g(t + h) - offset;
+  const Matrix moved = h * lu.solve(system_.B), problem = system_.M + system_.N * moved;
+  const Vector free = h * lu.solve(Vector(system_.A * x + sources_.f(t + h)));
+  const Vector q = (system_.N * x + sources_.g(t + h) - offset) + system_.N * free;
   Step step;
-  ActiveSetLcp lcp(system_.M + system_.N * moved, class_);
+  ActiveSetLcp lcp(limit_of_P_ ? regularized(problem) : problem, class_);
   step.solved = lcp.solve(q, step.y).solved;
-  if (step.solved) step.x = free + moved * step.y;
+  if (!step.solved) return step;
+  step.x = x + free + moved * step.y;
+  const Vector terms = problem.cwiseAbs() * step.y + q.cwiseAbs();
+  for (Index i = 0; i < q.size(); ++i)
+    if (step.y[i] > 0 || lcp.slack()[i] <= zero_share * terms[i]) step.zero_w.push_back(i);
   return step;
 }
 

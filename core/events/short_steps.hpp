@@ -5,6 +5,8 @@
 #include "event_sources.hpp"
 #include "mode.hpp"
 
+#include <vector>
+
 namespace bromwich {
 
 class ShortSteps {
@@ -16,26 +18,32 @@ class ShortSteps {
   bool unique(LcpClass lcp_class);
 
   /// Whether they determine y too, and not only the state. After `unique`.
-  bool determine_y() const { return has_one_solution(class_); }
+  bool determine_y() const { return has_one_solution(class_) && !limit_of_P_; }
+  /// Whether y of a step is that of least norm where it is not unique.
+  bool of_least_norm() const { return selects_least_norm(class_); }
 
   struct Step {
     bool solved = false;
     Vector y, x;
+    std::vector<Index> zero_w;  ///< w_i = 0, whether y_i is positive or not
   };
   /// From x at t to t + h. `offset` is subtracted from g.
   Step take(double t, double h, const Vector& x, const Vector& offset) const;
 
-  /// Of the dynamics: max(1 / T, |A|).
+  /// Of the dynamics: max(1 / T, |eigenvalues of A|), whatever the units of the states.
   double rate() const { return rate_; }
 
  private:
   Matrix response(double h) const;
-  bool is_monotone(const Matrix& S) const;
+  enum class Monotone { no, moves_the_state, yes };
+  Monotone monotone(const Matrix& S) const;
+  Matrix regularized(const Matrix& P) const;
 
   const SystemMatrices& system_;
   const EventSources& sources_;
   double rate_;
   LcpClass class_ = LcpClass::P;  ///< of the matrix of a short step
+  bool limit_of_P_ = false;       ///< it is of class P with any larger diagonal
 };
 
 }  // namespace bromwich

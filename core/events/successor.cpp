@@ -12,6 +12,8 @@ namespace bromwich {
 namespace {
 
 constexpr int most_jumps_at_once = 12;
+constexpr double brief = 1e-3;       ///< of the longest: what lasts shorter touches its end by rounding
+constexpr double nothing = 1e-6;     ///< parts of an impulse below this share of it are zero
 constexpr double less_y = 1 - 1e-6;  ///< norms of y nearer to each other are equal
 
 std::vector<Index> support(const Vector& y) {
@@ -43,7 +45,9 @@ Vector Successor::touching(const EventPoint& p, bool y_is_known) const {
   Vector offset = Vector::Zero(w.size());
   for (Index i = 0; i < w.size(); ++i) {
     const bool depends = system_.M.row(i).cwiseAbs().maxCoeff() > 0;
-    if ((!depends || y_is_known) && std::abs(w[i]) <= 10 * steps_.noise() * of_w[i] + rounding[i]) offset[i] = w[i];
+    const bool known = y_is_known && p.zero_w.size() > 0;
+    const double zero = known ? 10 * p.zero_w[i] : 10 * steps_.noise() * of_w[i] + rounding[i];
+    if ((!depends || y_is_known) && std::abs(w[i]) <= zero) offset[i] = w[i];
   }
   return offset;
 }
@@ -65,25 +69,6 @@ JetValues Successor::sources_at(const SwitchedMode& mode, const EventPoint& p, J
   return {p.x, start(here.sources.f, m), start(here.df, m), start(here.sources.g, n), start(dg, n), start(here.ddg, n)};
 }
 
-// An impulse is what h y tends to in steps of implicit Euler as h -> 0: that selects the one that the state needs. A
-// step adds the smooth motion within h to it, which is twice the difference of the steps h and h / 2. Very short steps
-// lose their digits where M is singular, long ones move too far.
-bool Successor::is_limit_of_short_steps(const EventPoint& p, const Vector& impulse) const {
-  const Vector offset = touching(p, false), moved = system_.B * impulse;
-  const double size = moved.cwiseAbs().maxCoeff(), noise = 100 * steps_.noise() * p.x.cwiseAbs().maxCoeff();
-  for (const double share : {1e-8, 1e-6, 1e-4, 1e-3, 1e-2}) {
-    const double h = std::min(share / short_steps_.rate(), 0.5 * (p.end - p.t));
-    const ShortSteps::Step step = short_steps_.take(p.t, h, p.x, offset);
-    const ShortSteps::Step half = short_steps_.take(p.t, h / 2, p.x, offset);
-    if (!step.solved || !half.solved) continue;
-    const double smooth = (step.x - half.x).cwiseAbs().maxCoeff();
-    if (smooth <= 0.01 * size + noise &&
-        (moved - (half.x - p.x)).cwiseAbs().maxCoeff() <= 1e-3 * size + 2 * smooth + noise)
-      return true;
-  }
-  return false;
-}
-
 bool Successor::may_jump(const SwitchedMode& mode, const JetValues& u, const Vector& of, const Vector& impulse) const {
   // What no impulse moves has to hold.
   JetValues after = u;
@@ -91,24 +76,44 @@ bool Successor::may_jump(const SwitchedMode& mode, const JetValues& u, const Vec
   const Vector left = evaluate(mode.constraints, after);
   if (((left.cwiseAbs() - 100 * steps_.noise() * of).array() > 0).any()) return false;
   // Impulses of y and of w are nonnegative.
-  if (impulse.minCoeff() < -1e-6 * impulse.cwiseAbs().maxCoeff()) return false;
+  if (impulse.minCoeff() < -nothing * impulse.cwiseAbs().maxCoeff()) return false;
   const Vector of_w = system_.M * impulse, terms_of_w = system_.M.cwiseAbs() * impulse.cwiseAbs();
-  return !((of_w + 1e-6 * terms_of_w).array() < 0).any();
+  return !((of_w + nothing * terms_of_w).array() < 0).any();
+}
+
+// While an impulse p acts, y is p / h and w is M p / h within a short time h: p and M p have to be complementary to w
+// and y behind it. Those w_i with p_i > 0 and y_i with (M p)_i > 0 are zero in the mode. The others have to be
+// nonnegative, and what p or M p hides may have any sign: then the mode may end at once.
+bool Successor::holds_behind(const SwitchedMode& mode, EventPoint& p, const Vector& impulse) {
+  const Vector of_w = system_.M * impulse, terms_of_w = system_.M.cwiseAbs() * impulse.cwiseAbs();
+  const double size = impulse.cwiseAbs().maxCoeff();
+  std::vector<char> hidden(std::size_t(impulse.size()));
+  for (Index i = 0; i < impulse.size(); ++i)
+    hidden[std::size_t(i)] = impulse[i] > nothing * size || of_w[i] > nothing * terms_of_w[i];
+  EventStep behind;
+  return steps_.resolve(mode, p, behind, &hidden) && !behind.at_once;
 }
 
 // Brings the state onto the constraints of the mode by an impulse.
-Successor::Entry Successor::enter(const SwitchedMode& mode, EventPoint& p, Impulses impulses) {
+Successor::Entry Successor::enter(const SwitchedMode& mode, EventPoint& p) {
   if (mode.constraints.x.rows() == 0) return Entry::smooth;
   JetValues size;
   const JetValues u = sources_at(mode, p, size);
   const Vector off = evaluate(mode.constraints, u);
   const Vector of = terms(mode.constraints, size);
   const Vector rounding = mode.constraints.x.cwiseAbs() * steps_.rounding_of_x(p.sizes);
-  const Vector impulse = mode.impulse * off;
-  const bool jumps = ((off.cwiseAbs() - 30 * steps_.noise() * of - rounding).array() > 0).any();
+  const Vector zero = 30 * steps_.noise() * of + rounding;
+  const bool jumps = ((off.cwiseAbs() - zero).array() > 0).any();
+  Vector impulse = mode.impulse * off;
+  // Parts of a jump that constraints which hold would explain have no sign.
+  if (jumps) impulse = (impulse.cwiseAbs().array() > (mode.impulse.cwiseAbs() * zero).array()).select(impulse, 0);
   if (jumps && !may_jump(mode, u, of, impulse)) return Entry::refused;
-  if (jumps && impulses == Impulses::of_short_steps && !is_limit_of_short_steps(p, impulse)) return Entry::refused;
+  const Vector before = p.x;
   p.x += system_.B * impulse;
+  if (jumps && !holds_behind(mode, p, impulse)) {
+    p.x = before;
+    return Entry::refused;
+  }
   p.integral += impulse;
   if (!jumps) return Entry::smooth;
   impulses_.push_back({mode.active, impulse});
@@ -121,13 +126,14 @@ Successor::Entry Successor::attempt(const std::vector<Index>& set, double least,
   const SwitchedMode* mode = mode_of(set);
   if (!mode) return Entry::refused;
   const Vector x = p.x, integral = p.integral;
-  const Entry entry = enter(*mode, p, Impulses::of_short_steps);
+  const Entry entry = enter(*mode, p);
   if (entry != Entry::smooth) return entry;
   EventStep next;
   if (steps_.resolve(*mode, p, next)) {
     const double lasts = next.valid * next.length;
-    found_ = next.valid >= 1 || lasts >= least;
-    if (found_ || lasts > best_.lasts) best_ = {mode, lasts, std::move(next), p.x, p.integral};
+    found_ = next.valid >= 1 || (lasts >= least && !next.at_once);
+          next.at_once, found_);
+          if (found_ || (lasts > best_.lasts && !next.at_once)) best_ = {mode, lasts, std::move(next), p.x, p.integral};
   }
   p.x = x;
   p.integral = integral;
@@ -142,10 +148,12 @@ Successor::Entry Successor::attempt_proposed(double h, const Vector& offset, Eve
     const ShortSteps::Step proposed = short_steps_.take(p.t, share * h, p.x, offset);
     p.work += m * m * m + n * n * n;
     if (!proposed.solved || !proposed.y.allFinite()) continue;
-    const std::vector<Index> set = support(proposed.y);
-    if (!tried_.insert(set).second) continue;
-    const Entry entry = attempt(set, 0.5 * share * h, p);
-    if (found_ || entry == Entry::jumped) return entry;
+    // Where w_i and y_i vanish, w_i = 0 may be what determines another y.
+    for (const std::vector<Index>& set : {support(proposed.y), proposed.zero_w}) {
+      if (!tried_.insert(set).second) continue;
+      const Entry entry = attempt(set, 0.5 * share * h, p);
+      if (found_ || entry == Entry::jumped) return entry;
+    }
   }
   return Entry::refused;
 }
@@ -169,6 +177,16 @@ void Successor::prefer_least_norm(double h, const Vector& offset, EventPoint& p)
   found_ = true;
 }
 
+// The same among all active sets.
+void Successor::prefer_least_of_all(EventPoint& p) {
+  if (!best_.mode || system_.constraints() > most_enumerated) return;
+  for (Candidate& other : smooth_candidates(p)) {
+    const bool lasts = other.lasts > brief * best_.lasts;
+    if (lasts && other.mean_y() < less_y * best_.mean_y() && lead_to_the_same(other, best_, p))
+      best_ = std::move(other);
+  }
+}
+
 Successor::Choice Successor::choose(EventPoint& p, bool y_is_known, const std::optional<std::vector<Index>>& likely) {
   p.sizes.include_x(p.x);
   impulses_.clear();
@@ -184,8 +202,9 @@ Successor::Choice Successor::choose(EventPoint& p, bool y_is_known, const std::o
     }
     if (!found_ && entry != Entry::jumped)
       entry = attempt_proposed(h, touching(p, y_is_known), p);
-    else if (found_ && !short_steps_.determine_y())
+    else if (found_ && short_steps_.of_least_norm())
       prefer_least_norm(h, touching(p, y_is_known), p);
+    if (found_ && !short_steps_.determine_y() && !short_steps_.of_least_norm()) prefer_least_of_all(p);
     y_is_known = false;
     if (!found_ && entry == Entry::jumped) continue;
     // If none lasts, the next event is very near.
@@ -224,7 +243,7 @@ bool Successor::jump_by_the_only_impulse(EventPoint& p) {
   for (const std::vector<Index>& set : all_sets()) {
     const SwitchedMode* mode = mode_of(set);
     EventPoint here = p;
-    if (!mode || enter(*mode, here, Impulses::all) != Entry::jumped) continue;
+    if (!mode || enter(*mode, here) != Entry::jumped) continue;
     const EventImpulse impulse = impulses_.back();
     impulses_.pop_back();
     if (smooth_candidates(here).empty()) continue;
@@ -246,12 +265,13 @@ std::vector<Successor::Candidate> Successor::smooth_candidates(EventPoint& p) {
     const SwitchedMode* mode = mode_of(set);
     EventPoint here = p;
     EventStep step;
-    const bool smooth = mode && enter(*mode, here, Impulses::all) == Entry::smooth;
+    const bool smooth = mode && enter(*mode, here) == Entry::smooth;
     impulses_.resize(before);
     if (!smooth || !steps_.resolve(*mode, here, step)) continue;
     const double lasts = step.valid * step.length;
     p.work = here.work;
-    if (lasts > 4 * epsilon * T_) candidates.push_back({mode, lasts, std::move(step), here.x, here.integral});
+    if (lasts > 4 * epsilon * T_ && !step.at_once)
+      candidates.push_back({mode, lasts, std::move(step), here.x, here.integral});
   }
   return candidates;
 }
@@ -262,7 +282,6 @@ double Successor::Candidate::mean_y() const {
 }
 
 Successor::Choice Successor::choose_among_all(EventPoint& p) {
-  constexpr double brief = 1e-3;  // of the longest: what lasts shorter touches its end by rounding
   p.sizes.include_x(p.x);
   impulses_.clear();
   std::vector<Candidate> candidates = smooth_candidates(p);

@@ -22,6 +22,8 @@ struct EventImpulse {
 
 class Successor {
  public:
+  static constexpr Index most_enumerated = 6;  ///< constraints whose active sets are all tried
+
   /// All have to outlive the object.
   Successor(const SystemMatrices&, const EventSources&, const ShortSteps&, EventSteps&, double T);
 
@@ -34,14 +36,13 @@ class Successor {
   /// Moves x and the integral of `p` by the impulses. `y_is_known`: y of `p` is the limit from the left. `likely`:
   /// tried first.
   Choice choose(EventPoint& p, bool y_is_known, const std::optional<std::vector<Index>>& likely);
-  /// Where the problems of short steps do not determine the solution: tries all active sets (n <= 5), and takes y of
-  /// least norm where several lead to one state. Where none continues without a jump, the state jumps if all impulses
-  /// that may be lead to one state.
+  /// Where the problems of short steps do not determine the solution: tries all active sets (n <= most_enumerated), and
+  /// takes y of least norm where several lead to one state. Where none continues without a jump, the state jumps if all
+  /// impulses that may be lead to one state.
   Choice choose_among_all(EventPoint& p);
 
  private:
   enum class Entry { smooth, jumped, refused };
-  enum class Impulses { of_short_steps, all };
   // An active set that was tried, with the state after it was entered.
   struct Candidate {
     const SwitchedMode* mode = nullptr;
@@ -56,8 +57,8 @@ class Successor {
   Vector touching(const EventPoint&, bool y_is_known) const;
   JetValues sources_at(const SwitchedMode&, const EventPoint&, JetValues& size) const;
   bool may_jump(const SwitchedMode&, const JetValues& u, const Vector& of, const Vector& impulse) const;
-  bool is_limit_of_short_steps(const EventPoint&, const Vector& impulse) const;
-  Entry enter(const SwitchedMode&, EventPoint&, Impulses);
+  bool holds_behind(const SwitchedMode&, EventPoint&, const Vector& impulse);
+  Entry enter(const SwitchedMode&, EventPoint&);
   std::vector<std::vector<Index>> all_sets() const;
   std::vector<Candidate> smooth_candidates(EventPoint&);
   bool jump_by_the_only_impulse(EventPoint&);
@@ -65,6 +66,7 @@ class Successor {
   Entry attempt(const std::vector<Index>& set, double least, EventPoint&);
   Entry attempt_proposed(double h, const Vector& offset, EventPoint&);
   void prefer_least_norm(double h, const Vector& offset, EventPoint&);
+  void prefer_least_of_all(EventPoint&);
 
   const SystemMatrices& system_;
   const EventSources& sources_;

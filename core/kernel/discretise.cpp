@@ -2,8 +2,10 @@
 
 #include "core/base/interruption.hpp"
 #include "core/kernel/rough_response.hpp"
+#include "core/kernel/start_rounding.hpp"
 #include "core/numerics/step_propagator.hpp"
 
+#include <algorithm>
 #include <utility>
 
 namespace bromwich {
@@ -55,7 +57,27 @@ void sample_sources(DiscreteProblem& p, bool every_step) {
   resolve_sources(p, every_step);
 }
 
-void set_start(DiscreteProblem& p) { p.start = observe(p.scene.dynamics, p.scene.x0) + p.g.row(0); }
+namespace {
+
+Vector rounding_of_start(const DiscreteProblem& p) {
+  const double share = std::max(rounding_of_restarts, 4 * double(p.scene.states() + 1) * epsilon);
+  const DenseDynamics* d = p.small_state();
+  if (!d || d->E.size() > 0)
+    return share * (p.scene.dynamics->observed_terms(p.scene.x0) + Vector(p.g.row(0).cwiseAbs()));
+  const Vector f = p.f.size() > 0 ? Vector(source_matrix(p) * p.f.row(0)) : Vector(Vector::Zero(d->A.rows()));
+  const Vector g = p.g.table().cwiseAbs().colwise().maxCoeff().transpose();
+  return share * terms_of_motion(d->A, d->N, p.scene.x0, f, g, p.scene.T);
+}
+
+}  // namespace
+
+void set_start(DiscreteProblem& p) {
+  p.start = observe(p.scene.dynamics, p.scene.x0) + p.g.row(0);
+  if (p.modes() || p.start.size() == 0 || !(p.start.minCoeff() < 0)) return;
+  const Vector rounding = rounding_of_start(p);
+  for (Index i = 0; i < p.start.size(); ++i)
+    if (p.start[i] < 0 && p.start[i] >= -rounding[i]) p.start[i] = 0;
+}
 
 void resolve_sources(DiscreteProblem& p, bool every_step) {
   SourceSteps sources = find_source_steps(p.scene, p.t, p.f, p.g, every_step);

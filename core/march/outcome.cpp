@@ -9,22 +9,11 @@ namespace bromwich {
 
 namespace {
 
-// Sets N x0 + g(0) to 0 where it is below 0 by no more than rounding: x0 lies on a constraint.
-Vector without_rounding(const DiscreteProblem& p) {
-  Vector start = p.start;
-  if (p.modes() || start.size() == 0 || start.minCoeff() >= 0) return start;
-  const Vector terms = p.scene.dynamics->observed_terms(p.scene.x0) + Vector(p.g.row(0).cwiseAbs());
-  const double share = 4 * double(p.scene.states() + 1) * epsilon;
-  for (Index i = 0; i < start.size(); ++i)
-    if (start[i] < 0 && start[i] >= -share * terms[i]) start[i] = 0;
-  return start;
-}
-
 // Whether the problem at t = 0 has not even a feasible point, where the class of M says nothing.
 bool is_infeasible_at_zero(const DiscreteProblem& p) {
   constexpr Index most_constraints = 100;
   return !selects_one(p.lcp_class) && p.scene.constraints() <= most_constraints &&
-         has_no_feasible_point(to_dense(p.scene.M), without_rounding(p));
+         has_no_feasible_point(to_dense(p.scene.M), p.start);
 }
 
 SparseMatrix sparse_form(const LcpMatrix& M) {
@@ -37,7 +26,7 @@ Vector row_sums(const SparseMatrix& matrix) { return matrix.cwiseAbs() * Vector:
 // A constraint with w_i(0) < 0 that no impulse of y moves, since its rows of M and of N B are zero: a body below a
 // rigid floor, whose impulses move the velocity alone. -1: none, or not known.
 Index held_below(const DiscreteProblem& p) {
-  const Vector start = without_rounding(p);
+  const Vector& start = p.start;
   if (p.scene.dynamics->has_mass() || !(start.array() < 0).any()) return -1;
   const SparseMatrix N = p.scene.dynamics->outputs(), B = p.scene.dynamics->inputs();
   const Vector of_M = row_sums(sparse_form(p.scene.M)), of_NB = row_sums(N * B), terms = N.cwiseAbs() * row_sums(B);
@@ -71,7 +60,7 @@ ProblemAtZero::ProblemAtZero(const DiscreteProblem& p)
 }
 
 void ProblemAtZero::renew() {
-  p_.backend.upload(without_rounding(p_).transpose(), *r_);
+  p_.backend.upload(p_.start.transpose(), *r_);
   p_.backend.upload(RowMatrix::Zero(1, p_.scene.constraints()), *y_);
 }
 

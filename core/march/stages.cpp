@@ -289,7 +289,14 @@ void solve_by_stages(const DiscreteProblem& p, Index stages, const InnerOptions&
   result.starts_with_impulse = start == Start::impulse;
   if (result.starts_with_impulse) result.kernel += impulse_note;
   count(s.report, result);
+  // The first part is the impulse: y and N x of row 0 are those behind the second.
+  const Index behind = std::min<Index>(grid.lengths.empty() ? 1 : 2, result.y.rows() - 1);
+  const Vector y_behind = result.y.row(behind).transpose(), seen_behind = s.v.row(behind).transpose();
   if (!grid.lengths.empty()) keep_points(p, grid, given, s, result);
+  if (start == Start::impulse) {
+    result.y.row(0) = y_behind.transpose();
+    s.v.row(0) = seen_behind.transpose();
+  }
   const auto r = on_backend(p, p.g.table()), v = on_backend(p, s.v), y = on_backend(p, result.y);
   if (options.trace) result.trace = trace(p, *r, *v);
   if (s.report.stopped >= 0) return explain_stop(p, s.report, result);

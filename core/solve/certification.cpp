@@ -274,7 +274,7 @@ void Certification::look_for_other_solutions(Result& result) {
     add_warning(result, text("y is not unique: the step to t = %.6g has another solution, with the same state",
                              p.t[other.row]));
   else if (!result.well_posed && !other.searched)
-    add_warning(result, "the problems of the steps are not known to have only one solution: there may be others");
+    add_warning(result, may_be_others);
 }
 
 // Stages record the state only where it is small; continuous y gives it afterwards.
@@ -348,9 +348,10 @@ bool Certification::comes_out_the_same(Method method, Index factor, Slack slack,
   if (!Methods::has_small_dense_state(p.scene)) return true;
   const RowMatrix coarse = methods_.all_states(method, result),
                   halved = finer.all_states(method, fine)(rows, Eigen::all);
-  // A state held at 0 by terms that cancel is rounding.
+  // A state held at 0 by terms that cancel is rounding. x0 may be another one.
   const double terms = p.scene.T * (result.y * p.small_state()->B.transpose()).cwiseAbs().maxCoeff();
-  if (std::max(coarse.cwiseAbs().maxCoeff(), halved.cwiseAbs().maxCoeff()) <= cancelled * terms) return true;
+  const auto largest = [](const RowMatrix& x) { return x.bottomRows(x.rows() - 1).cwiseAbs().maxCoeff(); };
+  if (std::max(largest(coarse), largest(halved)) <= cancelled * terms) return true;
   const Change x = change_when_halved(coarse, halved, p.J);
   return x.mean <= slack.of_x * most_mean_change && x.typical <= slack.of_x * most_typical_change;
 }

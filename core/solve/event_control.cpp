@@ -22,6 +22,7 @@ constexpr double ratio = 1e-3;            ///< of the tolerances of two integrat
 constexpr double finest_tolerance = 1e-12, finest_first = 1e-11;
 constexpr double agreed = 0.8;             ///< of the tolerance
 constexpr double assumed = 1e-4;           ///< the tolerance where none is given
+constexpr double nothing_known = 1;        ///< an error that is as large as the solution
 constexpr double rounding = 64 * epsilon;  ///< smaller differences say nothing
 constexpr Index most_halvings = 6;         ///< of the steps between rows
 constexpr std::size_t fewest_in_T = 32;    ///< steps, and 16 more each time: no two integrations look at the same times
@@ -228,7 +229,7 @@ class EventControl {
     r.residual = rows_->residual(r);
     const double error = std::max(of_y_, of_x_);
     if (std::isfinite(error)) r.error_estimate = error;
-    const bool good = error <= agreed * tolerance_, met = good || !chooses_grid();
+    const bool good = error <= agreed * tolerance_, met = good || (!chooses_grid() && error < nothing_known);
     r.status = met ? Status::solved : Status::tolerance_not_met;
     if (!good && error == doubt_)
       describe_doubt(met, r);
@@ -238,6 +239,7 @@ class EventControl {
     else if (!good)
       add_warning(r, text("the error is about %.1e, of data that magnify rounding", error));
     look_for_other_y(met, r);
+    if (!s.unique) add_warning(r, may_be_others);
     if (!chooses_grid() || !r.error_estimate) return r;
     ErrorEstimate e;
     e.tolerance = goal_.tolerance;

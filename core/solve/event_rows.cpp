@@ -2,6 +2,7 @@
 
 #include "core/kernel/discretise.hpp"
 #include "core/lcp/active_set.hpp"
+#include "core/result/slack.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -11,8 +12,8 @@ namespace bromwich {
 EventRows::EventRows(const Scene& scene, Backend& backend, Index J)
     : p_(discretise(scene, backend, J)),
       resolution_(256 * epsilon * scene.T),
-      f_(scene.f, scene.sources(), resolution_),
-      g_(scene.g, scene.constraints(), resolution_),
+      f_(scene.f, scene.f ? scene.sources() : 0, resolution_),
+      g_(scene.g, scene.g ? scene.constraints() : 0, resolution_),
       start_(solve_at_zero(p_, at_zero_)) {
   for (const double t : scene.breakpoints) {
     const Index j = Index(std::llround(t / p_.h));
@@ -28,6 +29,11 @@ void EventRows::fill(const EventSolution& s, const std::vector<Index>& component
   r.y.row(0) = at_zero_.y.row(0);
   r.y_integral.row(0).setZero();
   states_.row(0) = p_.scene.x0.transpose();
+  const bool jumps = start_ == Start::impulse && !s.pieces.empty();
+  if (jumps) {
+    r.y.row(0) = s.y(0, false).cwiseMax(0).transpose();
+    states_.row(0) = s.x(0, false).transpose();
+  }
   const auto at_breakpoint = [this](Index j) {
     return std::binary_search(at_breakpoints_.begin(), at_breakpoints_.end(), j);
   };
@@ -39,6 +45,7 @@ void EventRows::fill(const EventSolution& s, const std::vector<Index>& component
   }
   if (has_one_solution(p_.lcp_class)) solve_at_own_values(r);
   r.x = states_(Eigen::all, components);
+  if (jumps) r.x.row(0) = p_.scene.x0(components).transpose();
   r.x_components = components;
   r.t = p_.t;
   r.steps = J;
@@ -46,33 +53,40 @@ void EventRows::fill(const EventSolution& s, const std::vector<Index>& component
   if (trace) r.trace = states_ * p_.small_state()->N.transpose();
 }
 
-double EventRows::residual(const Result& r) const {
+double EventRows::residual(Result r) const {
+  r.method = Method::events;
+  r.trace = states_ * p_.small_state()->N.transpose();
+  // g on the side of each row.
+  RowMatrix g_of_rows = slack(p_.scene, r) - r.trace;
+  for (Index j = 0; j <= p_.J; ++j) g_of_rows.row(j) -= multiply(p_.scene.M, r.y.row(j).transpose()).transpose();
   const auto on_backend = [this](const RowMatrix& values) {
     auto array = p_.backend.array(values.rows(), values.cols());
     p_.backend.upload(values, *array);
     return array;
   };
-  const auto g = on_backend(p_.g.table()), v = on_backend(states_ * p_.small_state()->N.transpose()),
-             y = on_backend(r.y);
-  return march_residual(p_, start_, *g, *v, *y);
+  const auto g = on_backend(g_of_rows), v = on_backend(r.trace), y = on_backend(r.y);
+  return march_residual(p_, Start::found, *g, *v, *y);
 }
 
 OtherSolution EventRows::other(const Result& r) const {
   return has_one_solution(p_.lcp_class) ? OtherSolution{} : other_solution(p_, r, states_);
 }
 
-// At a breakpoint: whether f and g have their values from the right there.
+// At a breakpoint: whether g, or f where g does not jump, has its value from the right there.
 bool EventRows::takes_right(const EventSolution& s, Index j) const {
+  constexpr double jump = 1e-9;  // of the values: less is the motion beside t
   if (j == p_.J) return false;
   const EventPiece& after = s.piece(p_.t[j], false);
   const double d = std::min(p_.h, after.end - after.begin);
-  const auto from_right = [&](const OneSided& source) {
+  for (const OneSided* source : {&g_, &f_}) {
+    if (source->width() == 0) continue;
     Vector own;
-    source.value(p_.t[j], own);
-    const Vector left = source.before(p_.t[j], d), right = source.after(p_.t[j], d);
-    return (own - right).cwiseAbs().maxCoeff() <= (own - left).cwiseAbs().maxCoeff();
-  };
-  return (!p_.scene.g || from_right(g_)) && (!p_.scene.f || from_right(f_));
+    source->value(p_.t[j], own);
+    const Vector left = source->before(p_.t[j], d), right = source->after(p_.t[j], d);
+    if ((left - right).cwiseAbs().maxCoeff() > jump * left.cwiseAbs().cwiseMax(right.cwiseAbs()).maxCoeff())
+      return (own - right).cwiseAbs().maxCoeff() <= (own - left).cwiseAbs().maxCoeff();
+  }
+  return true;
 }
 
 // Where g has a value of its own, so has y.

@@ -15,11 +15,12 @@ class EventRows {
   EventRows(const Scene&, Backend&, Index J);
 
   /// y, its integral, x, the trace if wanted, t and steps of `result`. Where y or x jump at a point of the grid: the
-  /// limit from the left, but at breakpoints of the sources the side that f and g are on. Row 0 is y_0 and x0. Rows
-  /// after `until` of the solution are NaN.
+  /// limit from the left, but at breakpoints before T the side that g is on, or f where g does not jump. Row 0 is y_0
+  /// and x0; where the state jumps at t = 0, y and the trace are those after the jump. Rows after `until` of the
+  /// solution are NaN.
   void fill(const EventSolution&, const std::vector<Index>& components, bool trace, Result& result);
   /// Of the rows filled last.
-  double residual(const Result&) const;
+  double residual(Result) const;
   /// Likewise: whether a step has another y. Not searched where M is of class P.
   OtherSolution other(const Result&) const;
 

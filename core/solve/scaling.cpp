@@ -5,6 +5,7 @@
 #include "core/kernel/step_defects.hpp"
 #include "core/lcp/lcp_class.hpp"
 #include "core/numerics/components.hpp"
+#include "core/result/slack.hpp"
 #include "core/scene/natural_sizes.hpp"
 #include "core/scene/separable.hpp"
 #include "core/solve/prepared.hpp"
@@ -246,22 +247,13 @@ void select_components(const std::vector<Index>& requested, Result& result) {
 
 double stated_residual(const Scene& scene, const Result& result) {
   double worst = NAN;
-  const Index n = scene.constraints();
-  const auto* M = std::get_if<Matrix>(&scene.M);
-  Vector g = Vector::Zero(n), y(n), q(n), w(n);
+  const RowMatrix slacks = slack(scene, result);
   // An impulse is no solution of the problem at t = 0.
   const Index first = result.starts_with_impulse ? 1 : 0;
-  for (Index j = first; j < std::min(result.y.rows(), result.trace.rows()); ++j) {
-    y = result.y.row(j).transpose();
-    q = result.trace.row(j).transpose();
-    if (!y.allFinite() || !q.allFinite()) continue;
-    if (scene.g) scene.g(result.t[j], g);
-    q += g;
-    if (M)
-      w.noalias() = *M * y;
-    else
-      w = multiply(scene.M, y);
-    w += q;
+  for (Index j = first; j < std::min(result.y.rows(), slacks.rows()); ++j) {
+    Vector y = result.y.row(j).transpose();
+    const Vector w = slacks.row(j).transpose(), q = w - multiply(scene.M, y);
+    if (!y.allFinite() || !w.allFinite()) continue;
     y = y.cwiseMin(w);
     for (const Index i : scene.free_rows) y[i] = w[i];
     const double missed = y.cwiseAbs().maxCoeff() / std::max(1.0, q.cwiseAbs().maxCoeff());

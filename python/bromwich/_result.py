@@ -110,7 +110,8 @@ class Result(Rows):
 
     @property
     def starts_with_impulse(self) -> bool:
-        """x0 violates the constraints: the state jumps at t = 0, and the first row of y is then not a value of y."""
+        """x0 violates the constraints: the state jumps at t = 0. The first row has x0, and y and w of methods march and
+        events behind the jump; other methods give the mean of the impulse over the first step."""
         return self._answer.starts_with_impulse
 
     @property

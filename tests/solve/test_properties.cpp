@@ -2,6 +2,7 @@
 
 #include "core/base/error.hpp"
 #include "core/catalogue/catalogue.hpp"
+#include "tests/support/friction.hpp"
 #include "tests/support/oracle.hpp"
 #include "tests/support/run.hpp"
 
@@ -62,6 +63,40 @@ TEST_P(EveryMethod, PermutedConstraintsPermuteTheSolution) {
   EXPECT_LE(distance(solved_y(permuted, GetParam(), J), y(Eigen::all, order)), same_problem);
 }
 
+// The states in another order, some of them with another sign: x -> D P x.
+Scene mirrored(const Scene& scene, const std::vector<Index>& order, const Vector& sign) {
+  const DenseDynamics& d = dynamics(scene);
+  const auto D = sign.asDiagonal();
+  Scene mirror = scene;
+  mirror.dynamics = DenseDynamics{D * d.A(order, order) * D, D * d.B(order, Eigen::all), d.N(Eigen::all, order) * D};
+  mirror.f = [f = scene.f, order, sign](double t, Eigen::Ref<Vector> v) {
+    Vector all(v.size());
+    f(t, all);
+    v = sign.cwiseProduct(all(order));
+  };
+  mirror.x0 = sign.cwiseProduct(scene.x0(order));
+  return mirror;
+}
+
+class Mirrors : public testing::TestWithParam<Method> {};
+
+TEST_P(Mirrors, OfTheStateGiveMirrorImages) {
+  const std::vector<Index> order{3, 0, 4, 1, 2};
+  const Vector sign{{-1, 1, -1, -1, 1}};
+  // Located events have other steps: a hundred times the tolerance of their coefficients, 1e-10.
+  const double same = GetParam() == Method::events ? 1e-8 : same_problem;
+  for (const std::uint32_t seed : {7u, 8u, 9u}) {
+    const Scene scene = some_scene(seed);
+    Options options = options_for(GetParam(), J);
+    options.states = StateSelection::all;
+    const Result r = run(scene, options), mirror = run(mirrored(scene, order, sign), options);
+    ASSERT_EQ(mirror.status, r.status) << mirror.reason;
+    ASSERT_EQ(r.status, Status::solved) << r.reason;
+    EXPECT_LE(distance(mirror.y, r.y), same) << seed;
+    EXPECT_LE(distance(mirror.x, r.x(Eigen::all, order) * sign.asDiagonal()), same) << seed;
+  }
+}
+
 TEST_P(EveryMethod, PositivelyHomogeneousInTheData) {
   const Scene scene = some_scene();
   const double factor = 10;
@@ -110,6 +145,37 @@ TEST_P(EveryMethod, UnitOfTimeDoesNotMatter) {
 INSTANTIATE_TEST_SUITE_P(Properties, EveryMethod,
                          testing::Values(Method::multigrid, Method::contour, Method::march, Method::euler),
                          [](const auto& method) { return std::string(to_string(method.param)); });
+INSTANTIATE_TEST_SUITE_P(Properties, Mirrors,
+                         testing::Values(Method::multigrid, Method::contour, Method::march, Method::euler,
+                                         Method::galerkin, Method::events),
+                         [](const auto& method) { return std::string(to_string(method.param)); });
+
+// The same contacts with friction seen in a mirror: another problem of each step, with the mirrored state.
+TEST(Mirrors, OfContactsWithFrictionGiveMirrorImages) {
+  oracle::Contacts c;
+  c.mass = Matrix{{2, -1}, {-1, 2}};
+  c.stiffness = Matrix{{2, -0.6}, {-0.6, 1.5}};
+  c.damping = 0.02 * c.stiffness;
+  c.Hn = Matrix{{0, 1}};
+  c.Ht = Matrix{{1, 0}};
+  c.V = Vector{{0.2}};
+  c.mu = Vector{{0.3}};
+  c.x0 = Vector{{0, 0.1, -1, -1}};
+  c.T = 3;
+  c.f = [](double t) { return Vector{{0.3 * std::sin(2.1 * t), -1}}; };
+  const Vector sign{{-1, 1, -1, 1}};
+  for (const Method method : {Method::events, Method::march, Method::euler}) {
+    Options options = options_for(method, 300);
+    options.states = StateSelection::all;
+    const Result r = run(oracle::friction_scene(c), options),
+                 mirror = run(oracle::friction_scene(oracle::mirrored(c)), options);
+    ASSERT_EQ(r.status, Status::solved) << to_string(method) << ": " << r.reason;
+    ASSERT_EQ(mirror.status, Status::solved) << to_string(method) << ": " << mirror.reason;
+    // The steps of both problems are the same but for rounding, which a switch magnifies by 1 / h at most; located
+    // events as above.
+    EXPECT_LE(distance(mirror.x, r.x * sign.asDiagonal()), 1e-8) << to_string(method);
+  }
+}
 
 // ---- states ----
 
