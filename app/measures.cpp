@@ -51,10 +51,10 @@ Measure parse_measure(const std::string& word, const Scene& scene, const Paramet
                 "give one component, and no times or two: ripple(v, from, to)");
   Measure measure{kinds[known - names.begin()].second, columns[0], {}, {}, word};
   if (arguments.size() == 1) return measure;
-  ParameterValues names = parameters;
-  names.emplace("T", scene.T);
-  measure.from = constant_expression(arguments[1], names, "--columns");
-  measure.to = constant_expression(arguments[2], names, "--columns");
+  ParameterValues known_names = parameters;
+  known_names.emplace("T", scene.T);
+  measure.from = constant_expression(arguments[1], known_names, "--columns");
+  measure.to = constant_expression(arguments[2], known_names, "--columns");
   if (!(*measure.from >= 0 && *measure.from < *measure.to && *measure.to <= scene.T * (1 + 1e-12)))
     throw Error("--columns", fmt::format("found the span {} to {}", *measure.from, *measure.to),
                 fmt::format("give ascending times from 0 to T = {}", scene.T));
