@@ -130,6 +130,7 @@ SceneChoice choose_initial_value_scene(const std::string& name, const ParameterV
 }
 
 ParameterValues known_parameters(const std::string& name, const ParameterValues& settings) {
+  if (is_netlist(name)) return read_circuit(name, settings).parameters;
   if (looks_like_file(name)) return file_parameters(name, settings);
   ParameterValues values = settings;
   for (const SceneParameter& parameter : find_recipe(name).parameters)
