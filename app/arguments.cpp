@@ -1,5 +1,6 @@
 #include "app/arguments.hpp"
 
+#include "app/scene_choice.hpp"
 #include "app/text.hpp"
 #include "core/base/error.hpp"
 #include "files/scene_file.hpp"
@@ -8,6 +9,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <tuple>
 
 namespace bromwich::app {
@@ -109,17 +111,17 @@ std::vector<double> parse_times(const std::string& word, double T) {
 
 namespace {
 
-/// A number, or an expression of the settings before it.
-double setting(const std::string& key, const std::string& text, const ParameterValues& before) {
+/// A number, or an expression of `names`, the parameters with the settings before it.
+double setting(const std::string& key, const std::string& text, const std::function<ParameterValues()>& names) {
   if (const auto number = parse_double(text)) return *number;
   const std::string found = fmt::format("found '{}' as the value of {}", text, key);
   for (const char* word : {"", "nan", "inf", "-inf", "infinity"})
     if (text == word) throw Error("--set", found, "give a finite number");
   try {
-    return constant_expression(text, before, "--set");
+    return constant_expression(text, names(), "--set");
   } catch (const Error& error) {
     throw Error("--set", found + ": " + error.found(),
-                "give a finite number, or an expression of pi and of settings before it");
+                "give a finite number, or an expression of pi, of settings before it and of parameters of the scene");
   }
 }
 
@@ -131,14 +133,18 @@ std::string without_spaces(const std::string& text) {
 
 }  // namespace
 
-ParameterValues parse_settings(const std::vector<std::string>& words) {
+ParameterValues parse_settings(const std::vector<std::string>& words, const std::string& scene) {
   ParameterValues values;
   for (const std::string& word : words) {
     const std::size_t equals = word.find('=');
     if (equals == std::string::npos || equals == 0)
       throw Error("--set", found(word), "write key=value, such as --set T=2");
     const std::string key = without_spaces(word.substr(0, equals)), text = without_spaces(word.substr(equals + 1));
-    const double value = setting(key, text, values);
+    const double value = setting(key, text, [&] {
+      ParameterValues names = values;
+      if (!scene.empty()) names.merge(known_parameters(scene, values));
+      return names;
+    });
     if (!values.emplace(key, value).second)
       throw Error("--set", fmt::format("{} is given twice", key), "set every parameter once");
   }

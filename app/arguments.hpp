@@ -38,8 +38,9 @@ void parse_states(const std::string& argument, const std::string& word, const Sc
 /// Times from 0 to T, "0.1,0.25"; T may be written with fewer digits than it has.
 std::vector<double> parse_times(const std::string& word, double T);
 
-/// key=value, each key once; a value may be an expression of the keys before it, "2*pi/3".
-ParameterValues parse_settings(const std::vector<std::string>& words);
+/// key=value, each key once; a value may be an expression of the keys before it, "2*pi/3", and of the parameters that
+/// the scene of this name has with them.
+ParameterValues parse_settings(const std::vector<std::string>& words, const std::string& scene = "");
 
 /// The positional words of a command: names, and more key=value words after a --set ("--set Q=39 T=2").
 struct Words {

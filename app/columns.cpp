@@ -34,12 +34,13 @@ std::string name_of(const Scene& scene, ColumnKind kind, Index component) {
 const std::vector<std::pair<std::string, ColumnKind>> kinds{
     {"y", ColumnKind::y}, {"w", ColumnKind::w}, {"trace", ColumnKind::trace}, {"x", ColumnKind::x}};
 
-/// The column with this name, also with its number where the scene gives it another one.
+/// The column with this name, or with this number where no column has it as its name.
 std::optional<Column> find_column(const Scene& scene, const std::string& word) {
-  for (const auto& [letter, kind] : kinds)
-    for (Index i = 0; i < count(scene, kind); ++i)
-      if (const std::string name = name_of(scene, kind, i); word == name || word == fmt::format("{}{}", letter, i))
-        return Column{kind, i, name};
+  for (const bool by_name : {true, false})
+    for (const auto& [letter, kind] : kinds)
+      for (Index i = 0; i < count(scene, kind); ++i)
+        if (const std::string name = name_of(scene, kind, i); word == (by_name ? name : fmt::format("{}{}", letter, i)))
+          return Column{kind, i, name};
   return std::nullopt;
 }
 

@@ -77,7 +77,7 @@ BenchRequest make_request(const BenchArguments& arguments, const Words& words, c
     throw Error("SCENE", "found " + join({words.names.begin() + 1, words.names.end()}), "name one scene");
   BenchRequest request;
   if (words.names.size() == 2) request.scene = words.names[1];
-  request.settings = parse_settings(words.settings);
+  request.settings = parse_settings(words.settings, request.scene.value_or(""));
   request.quick = arguments.quick;
   request.backend = arguments.backend;
   if (!request.backend.empty() && !benchmark.each_backend)

@@ -22,7 +22,8 @@ int run_check(const CheckArguments& arguments) {
     print(arguments.json ? (table.summary.empty() ? "{}" : table.summary) + "\n" : check.text);
     return check.solved ? exit_solved : exit_not_solved;
   }
-  const SceneChoice choice = choose_scene_or_system(scene_name(words), parse_settings(words.settings));
+  const SceneChoice choice =
+      choose_scene_or_system(scene_name(words), parse_settings(words.settings, scene_name(words)));
   Options options;
   if (choice.system)
     parse_nonlinear_method(arguments.method);

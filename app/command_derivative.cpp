@@ -176,7 +176,7 @@ void write_csv(const OutputFile& file, const ParameterDerivative& d, const Table
 
 int run_derivative(const DerivativeArguments& a) {
   const Words words = split_words(a.words, a.settings);
-  const ParameterValues settings = parse_settings(words.settings);
+  const ParameterValues settings = parse_settings(words.settings, scene_name(words));
   SceneSource source(scene_name(words));
   const SceneChoice choice = source.with(settings);
   if (a.by.empty()) throw Error("--by", "found none", "give parameters of the scene, such as R,C");

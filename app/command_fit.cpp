@@ -161,7 +161,7 @@ void write_fitted(const std::string& name, const Scene& scene, Backend& backend,
 int run_fit(const FitArguments& a) {
   const Words words = split_words(a.words, a.settings);
   const std::string name = scene_name(words);
-  const ParameterValues settings = parse_settings(words.settings);
+  const ParameterValues settings = parse_settings(words.settings, name);
   SceneSource source(name);
   const SceneChoice choice = source.initial_value_scene(settings);
   if (a.data.empty())

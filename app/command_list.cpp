@@ -38,7 +38,13 @@ void print(const std::string& text) {
     throw Error("standard output", "could not be written", "check where it is redirected to");
 }
 
-int run_scenes() {
+int run_scenes(const std::string& scene) {
+  if (!scene.empty()) {
+    std::string lines;
+    for (const auto& [name, value] : known_parameters(scene, {})) lines += fmt::format("{}={}\n", name, value);
+    print(lines);
+    return exit_solved;
+  }
   std::string text;
   for (const SceneRecipe& recipe : scene_catalogue())
     fmt::format_to(std::back_inserter(text), "{}  {}\n    {}\n", recipe.name, defaults(recipe), recipe.summary);

@@ -35,6 +35,16 @@ benchmarks=$(section "$("$bromwich" bench --help)" Benchmarks | cut -f1 | tr '\n
 write_bash() {
   cat <<'END'
 # Completion of bromwich for bash; made by app/command_pages.sh.
+# Names of the parameters of the scene on the line; those of a file with T and steps.
+_bromwich_parameters() {
+  local word scene= more=
+  for word in "${COMP_WORDS[@]:2:COMP_CWORD-2}"; do
+    if [[ $word != -* && -z $scene ]]; then scene=$word; fi
+  done
+  [[ $scene != *.toml ]] || more="T steps"
+  compopt -o nospace 2>/dev/null
+  COMPREPLY=($(compgen -S = -W "$(bromwich scenes "$scene" 2>/dev/null | grep -o '^[A-Za-z_][A-Za-z0-9_]*=' | tr -d =) $more" -- "$1"))
+}
 _bromwich() {
   local cur=${COMP_WORDS[COMP_CWORD]} prev=${COMP_WORDS[COMP_CWORD - 1]} command= word
   for word in "${COMP_WORDS[@]:1:COMP_CWORD-1}"; do
@@ -45,7 +55,9 @@ _bromwich() {
 END
   while IFS=$'\t' read -r command _; do
     while IFS=$'\037' read -r name argument _ values; do
-      if [[ -n $values ]]; then
+      if [[ $name == --set ]]; then
+        printf '    %s,--set) _bromwich_parameters "$cur"; return ;;\n' "$command"
+      elif [[ -n $values ]]; then
         printf '    %s,%s) COMPREPLY=($(compgen -W "%s" -- "$cur")); return ;;\n' "$command" "$name" "$values"
       elif [[ $argument == *FILE* ]]; then
         printf '    %s,%s) COMPREPLY=($(compgen -f -- "$cur")); return ;;\n' "$command" "$name"
@@ -90,10 +102,13 @@ write_zsh() {
 write_bash >"$out/bash/bromwich"
 write_zsh >"$out/zsh/_bromwich"
 
+# Lines of examples stay lines.
+keep_lines() { awk '/^\.IP$/ { print; print ".nf"; on = 1; next } on && /^\./ { print ".fi"; on = 0 } { print } END { if (on) print ".fi" }'; }
+
 # manual NAME DESCRIPTION [COMMAND]
 manual() {
   "$help2man" --no-info --no-discard-stderr --name "$2" --version-string "$("$bromwich" --version | cut -d' ' -f2)" \
-    "$bromwich${3:+ $3}" | sed -E "1,3s/^\.TH \S+/.TH ${1^^}/" >"$out/man1/$1.1"
+    "$bromwich${3:+ $3}" | sed -E "1,3s/^\.TH \S+/.TH ${1^^}/" | keep_lines >"$out/man1/$1.1"
 }
 if [[ -n $help2man ]]; then
   manual bromwich "solve linear complementarity systems (nonsmooth dynamics)"

@@ -7,6 +7,7 @@
 #include "core/build_info.hpp"
 #include "files/number_files.hpp"
 #include "report/page.hpp"
+#include "report/sweep_page.hpp"
 
 #include <fmt/format.h>
 
@@ -43,6 +44,12 @@ int run_plot(const PlotArguments& arguments) {
   const std::string name = result_name(arguments);
   const std::string target = arguments.out.empty() ? fs::path(name).replace_extension(".html").string() : arguments.out;
   const OutputFile file("--out", target, ".html");
+  if (report::is_sweep_table(name)) {
+    const std::string page = report::sweep_page("RESULT", name, build_info::version);
+    file.write([&page](std::FILE* out) { std::fwrite(page.data(), 1, page.size(), out); });
+    print(fmt::format("{}\n", target));
+    return exit_solved;
+  }
   report::Json summary = arguments.summary.empty() ? report::Json() : read_summary(arguments.summary);
   const Index constraints = summary.contains("sizes") ? summary["sizes"].value("constraints", Index(-1)) : Index(-1);
   report::ResultTable table = report::read_result("RESULT", name, constraints);

@@ -328,7 +328,7 @@ void check_run(const SolveArguments& arguments, const SceneChoice& choice, const
 int run_solve(const SolveArguments& arguments) {
   if (arguments.print_template || arguments.print_schema) return print_text(arguments);
   const Words words = split_words(arguments.words, arguments.settings);
-  const ParameterValues settings = parse_settings(words.settings);
+  const ParameterValues settings = parse_settings(words.settings, scene_name(words));
   if (const auto code = run_sweep(arguments, scene_name(words), settings)) return *code;
   const SceneChoice choice = choose_scene_or_system(scene_name(words), settings);
   Outputs files;

@@ -58,12 +58,14 @@ class SweepRun {
     if (!arguments.iteration_tolerance.empty())
       options_.iteration_tolerance = parse_iteration_tolerance(arguments.iteration_tolerance);
     choose_columns();
-    options_.trace = by_hdf5() || need_trace(columns_);
+    options_.trace = by_hdf5() || need_trace(columns_) ||
+                     std::any_of(measures_.begin(), measures_.end(),
+                                 [](const Measure& m) { return m.column.kind == ColumnKind::w; });
     if (options_.steps == 0 && !controls_error(options_)) options_.steps = choice_.scene.default_steps;
     choose_times();
     states_ = recorded_components(choice_.scene, options_);
-    if (columns_.empty()) columns_ = default_columns(choice_.scene, states_);
-    table_.emplace(sweep_, columns_, states_, arguments.at.empty() ? std::vector<double>() : times_);
+    if (columns_.empty() && measures_.empty()) columns_ = default_columns(choice_.scene, states_);
+    table_.emplace(sweep_, columns_, measures_, states_, arguments.at.empty() ? std::vector<double>() : times_);
   }
 
   int run() {
@@ -102,18 +104,34 @@ class SweepRun {
  private:
   /// The columns of a CSV file, and the states that they or --states ask for.
   void choose_columns() {
-    if (!arguments_.columns.empty()) columns_ = parse_columns(arguments_.columns, choice_.scene);
-    for (const Column& column : columns_)
+    if (!arguments_.columns.empty())
+      measures_ = parse_measures(arguments_.columns, choice_.scene, choice_.parameters, columns_);
+    check_measures();
+    std::vector<Column> read = columns_;
+    for (const Measure& measure : measures_) read.push_back(measure.column);
+    for (const Column& column : read)
       if (column.kind == ColumnKind::trace)
         throw Error("--columns", fmt::format("asks for {} with [sweep]", column.name), "leave trace out");
     if (arguments_.columns.empty() || !arguments_.states.empty())
       parse_states("--states", arguments_.states.empty() ? choice_.states : arguments_.states, choice_.scene, options_);
-    const std::vector<Index> wanted = states_of(columns_);
+    const std::vector<Index> wanted = states_of(read);
     if (options_.states == StateSelection::all || wanted.empty()) return;
     options_.states = StateSelection::list;
     for (const Index i : wanted)
       if (std::find(options_.components.begin(), options_.components.end(), i) == options_.components.end())
         options_.components.push_back(i);
+  }
+
+  void check_measures() const {
+    if (measures_.empty()) return;
+    const bool spans = std::any_of(measures_.begin(), measures_.end(), [](const Measure& m) { return m.from; });
+    if (!arguments_.at.empty())
+      throw Error("--columns", fmt::format("asks for {} with --at", measures_[0].name), "leave one of the two out");
+    if (by_hdf5())
+      throw Error("--columns", fmt::format("asks for {} with --out .h5, which has all time points", measures_[0].name),
+                  "write a .csv");
+    if (spans && swept("T"))
+      throw Error("--columns", "has a span of time for scenes with other T", "leave its times out: the span is [0, T]");
   }
 
   /// Rows that all scenes have: of --at, with a tolerance those of the steps of the file, otherwise those of the grid.
@@ -347,8 +365,9 @@ class SweepRun {
   MakeBackend beside_;               ///< kept from block to block
   std::optional<BlockFolder> kept_;  ///< of ranks, or of a run before
   std::vector<Index> states_;
-  std::vector<Column> columns_;  ///< of a CSV file
-  std::vector<double> times_;    ///< of the rows; empty: those of the grid
+  std::vector<Column> columns_;    ///< of a CSV file
+  std::vector<Measure> measures_;  ///< likewise
+  std::vector<double> times_;      ///< of the rows; empty: those of the grid
   std::optional<SweepTable> table_;
   std::vector<std::string> status_, reason_, warning_;
   Index steps_ = 0, first_ = 0, together_ = 1, blocks_ = 0, in_lanes_ = 0;

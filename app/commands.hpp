@@ -58,7 +58,8 @@ struct CheckArguments {
 /// The whole command: prepares the process, reads the command line, returns the exit code. Called once a process.
 int command(int argc, char** argv);
 
-int run_scenes();
+/// All built-in scenes, or the parameters of one scene, one a line.
+int run_scenes(const std::string& scene);
 int run_solve(const SolveArguments& arguments);
 int run_bench(const BenchArguments& arguments);
 int run_plot(const PlotArguments& arguments);

@@ -90,7 +90,9 @@ int run(int argc, char** argv) {
   DerivativeArguments derivative_arguments;
   FitArguments fit_arguments;
   BenchArguments bench_arguments;
-  const CLI::App* scenes = app.add_subcommand("scenes", "list the built-in scenes and their parameters");
+  std::string listed;
+  CLI::App* scenes = app.add_subcommand("scenes", "list the built-in scenes, or the parameters of one scene");
+  scenes->add_option("SCENE", listed, "a built-in scene or a file .toml: its parameters")->option_text(" ");
   const CLI::App* solve = add_command(app, solve_arguments);
   const CLI::App* check = add_command(app, check_arguments);
   const CLI::App* plot = add_command(app, plot_arguments);
@@ -118,7 +120,7 @@ int run(int argc, char** argv) {
     }
     return refuse(explain(app, error));
   }
-  if (scenes->parsed()) return run_scenes();
+  if (scenes->parsed()) return run_scenes(listed);
   if (solve->parsed()) return run_solve(solve_arguments);
   if (check->parsed()) return run_check(check_arguments);
   if (plot->parsed()) return run_plot(plot_arguments);

@@ -124,7 +124,7 @@ void write_switches_csv(const Scene& scene, const std::vector<Switch>& switches,
   fmt::memory_buffer text;
   const auto out = std::back_inserter(text);
   const auto component = [&](Index i) { return scene.names.y.empty() ? std::to_string(i) : multiplier_name(scene, i); };
-  if (scene.relays > 0) {
+  if (scene.relays > 0 && scene.constraints() == 2 * scene.relays) {
     fmt::format_to(out, "t,relay,from,to,error\n");
     for (const RelaySwitch& s : relay_switches(result, switches, scene.relays))
       fmt::format_to(out, "{},{},{},{},{}\n", s.t, component(s.relay), s.from, s.to, s.error);

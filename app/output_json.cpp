@@ -2,6 +2,7 @@
 
 #include "app/goal_arguments.hpp"
 #include "app/scene_facts.hpp"
+#include "core/result/estimated_quantity.hpp"
 
 #include <cmath>
 
@@ -115,6 +116,7 @@ Json to_json(const SceneChoice& choice, const Result& result, int threads, const
   json["magnification"] = result.magnification;
   json["algebraic_error"] = nullable(result.algebraic_error);
   json["error_estimate"] = nullable(result.error_estimate);
+  json["error_estimate_of"] = result.error_estimate ? Json(estimated_quantity(result)) : Json(nullptr);
   json["errors"] = errors_to_json(result.errors);
   json["reference_error"] = nullptr;
   if (has_reference(choice)) json["reference_error"] = {{"x", nullable(error.x)}, {"y", nullable(error.y)}};

@@ -3,6 +3,7 @@
 #include "app/scene_facts.hpp"
 #include "app/text.hpp"
 #include "core/goal/goal.hpp"
+#include "core/result/estimated_quantity.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -43,18 +44,18 @@ std::string error_line(const Result& result) {
       result.boundary_residual ? fmt::format(", {:.1e} of the boundary condition", *result.boundary_residual) : "";
   const std::string discretisation =
       result.errors && !std::isnan(result.errors->discretisation) ? fmt::format("{:.2e}", result.errors->discretisation)
-      : !result.errors && result.error_estimate                   ? fmt::format("about {:.1e}", *result.error_estimate)
-                                                                  : "not estimated (--tol)";
+      : !result.errors && result.error_estimate
+          ? fmt::format("about {:.1e} of {}", *result.error_estimate, estimated_quantity(result))
+          : "not estimated (--tol)";
   return fmt::format("{:.2e} of the complementarity{}, {}, discretisation {}", result.residual, boundary, kernel,
                      discretisation);
 }
 
 std::string estimate_line(const Result& result) {
   const ErrorEstimate& errors = *result.errors;
-  const std::string what =
-      std::string(errors.of_integral ? "the mean of y over [0, t]" : "y") + (std::isnan(errors.states) ? "" : " and x");
-  const std::string found =
-      result.error_estimate ? fmt::format("about {:.1e} of {}", *result.error_estimate, what) : "not estimated";
+  const std::string found = result.error_estimate
+                                ? fmt::format("about {:.1e} of {}", *result.error_estimate, estimated_quantity(result))
+                                : "not estimated";
   const std::string order = std::isnan(errors.order) ? "" : fmt::format(", order {:.1f} observed", errors.order);
   return fmt::format("{} (tolerance {:g}){}, grids {}", found, errors.tolerance, order, fmt::join(errors.grids, " "));
 }

@@ -39,7 +39,7 @@ void add_scene(CLI::App* command, Arguments& a, const std::string& what) {
 void add_tolerances(CLI::App* command, SolveArguments& a) {
   add_word(command, "--tol", a.tolerance, "EPS",
            "refine the grid until the estimated error of every component of y and of the selected states is below EPS "
-           "times its largest value");
+           "times its largest value; where y may jump, of its mean over [0, t]");
   add_word(command, "--tol-x", a.tolerance_x, "EPS",
            "the same for the states; without the other two: for all states and not for y");
   add_word(command, "--tol-y", a.tolerance_y, "EPS", "the same for y; without the other two: for y only");

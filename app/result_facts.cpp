@@ -3,6 +3,7 @@
 #include "app/machine.hpp"
 #include "app/result_output.hpp"
 #include "core/build_info.hpp"
+#include "core/result/estimated_quantity.hpp"
 
 #include <fmt/format.h>
 
@@ -83,6 +84,7 @@ Facts facts_of_result(const Result& result, int threads, const Json& summary) {
                                     {"boundary_residual", result.boundary_residual},
                                     {"infeasible_at", result.infeasible_at}})
     if (value) facts.emplace_back(name, *value);
+  if (result.error_estimate) facts.emplace_back("error_estimate_of", estimated_quantity(result));
   if (const Index rows = valid_rows(result); rows > 0) facts.emplace_back("t_end", result.t[rows - 1]);
   return facts;
 }

@@ -9,6 +9,7 @@
 
 #include <algorithm>
 #include <cctype>
+#include <cmath>
 #include <filesystem>
 
 namespace bromwich::app {
@@ -126,6 +127,15 @@ SceneChoice choose_scene_or_system(const std::string& name, const ParameterValue
 
 SceneChoice choose_initial_value_scene(const std::string& name, const ParameterValues& settings) {
   return SceneSource(name).initial_value_scene(settings);
+}
+
+ParameterValues known_parameters(const std::string& name, const ParameterValues& settings) {
+  if (is_netlist(name)) return read_circuit(name, settings).parameters;
+  if (looks_like_file(name)) return file_parameters(name, settings);
+  ParameterValues values = settings;
+  for (const SceneParameter& parameter : find_recipe(name).parameters)
+    if (std::isfinite(parameter.value)) values.emplace(parameter.name, parameter.value);
+  return values;
 }
 
 std::string describe(const ParameterValues& parameters) {

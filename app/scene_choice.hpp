@@ -64,6 +64,9 @@ SceneChoice choose_scene_or_system(const std::string& name, const ParameterValue
 /// The same for a study whose methods need initial values: throws Error for boundary values.
 SceneChoice choose_initial_value_scene(const std::string& name, const ParameterValues& settings);
 
+/// The parameters of a built-in scene or a file with these settings, without making the scene.
+ParameterValues known_parameters(const std::string& name, const ParameterValues& settings);
+
 /// "Q = 39, T = 4"
 std::string describe(const ParameterValues& parameters);
 

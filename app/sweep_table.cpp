@@ -58,9 +58,13 @@ void add_text(std::string& text, const std::string& cell) {
 
 }  // namespace
 
-SweepTable::SweepTable(const Sweep& sweep, std::vector<Column> columns, std::vector<Index> states,
-                       std::vector<double> times)
-    : sweep_(sweep), columns_(std::move(columns)), states_(std::move(states)), times_(std::move(times)) {}
+SweepTable::SweepTable(const Sweep& sweep, std::vector<Column> columns, std::vector<Measure> measures,
+                       std::vector<Index> states, std::vector<double> times)
+    : sweep_(sweep),
+      columns_(std::move(columns)),
+      measures_(std::move(measures)),
+      states_(std::move(states)),
+      times_(std::move(times)) {}
 
 std::string SweepTable::header() const {
   const bool at = !times_.empty();
@@ -68,6 +72,8 @@ std::string SweepTable::header() const {
   for (const std::string& name : sweep_.names) text += "," + name;
   text += at ? ",t,status,residual" : ",status,residual";
   for (const Column& c : columns_) text += at ? "," + c.name : fmt::format(",{0}(T),max|{0}|", c.name);
+  for (const Measure& m : measures_)
+    text += m.name.find(',') == std::string::npos ? "," + m.name : ",\"" + m.name + "\"";
   return text + ",reason,warning\n";
 }
 
@@ -94,6 +100,8 @@ void SweepTable::add_row(std::string& text, const SceneBlock& block, Index scene
   text += "," + block.status[i];
   add_number(text, place < 0 ? NAN : result.residual[place]);
   for (const Column& c : columns_) add_values(text, result, c, place, at);
+  for (const Measure& m : measures_)
+    add_number(text, place < 0 ? NAN : measured(m, result.t, values(result, m.column, place)));
   add_text(text, block.reason[i]);
   add_text(text, block.warning[i]);
   text += '\n';
@@ -107,12 +115,16 @@ void SweepTable::add_values(std::string& text, const BatchResult& result, const 
     for (int k = 0; k < (one_row ? 2 : 1); ++k) add_number(text, NAN);
     return;
   }
+  const Vector of_times = values(result, c, place);
+  add_number(text, of_times[one_row ? of_times.size() - 1 : at]);
+  if (one_row) add_number(text, of_times.cwiseAbs().maxCoeff<Eigen::PropagateNaN>());
+}
+
+Vector SweepTable::values(const BatchResult& result, const Column& c, Index place) const {
   const RowMatrix& all = c.kind == ColumnKind::y ? result.y : c.kind == ColumnKind::w ? result.w : result.x;
   const Index column =
       c.kind == ColumnKind::x ? std::find(states_.begin(), states_.end(), c.component) - states_.begin() : c.component;
-  const auto values = result.of(all, place).col(column);
-  add_number(text, values[one_row ? values.size() - 1 : at]);
-  if (one_row) add_number(text, values.cwiseAbs().maxCoeff<Eigen::PropagateNaN>());
+  return result.of(all, place).col(column);
 }
 
 }  // namespace bromwich::app

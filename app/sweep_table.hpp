@@ -3,6 +3,7 @@
 
 #include "app/columns.hpp"
 #include "app/commands.hpp"
+#include "app/measures.hpp"
 #include "app/scene_blocks.hpp"
 #include "core/base/threads.hpp"
 #include "core/batch/batch.hpp"
@@ -21,7 +22,8 @@ void check_sweep_arguments(const SolveArguments&, const ParameterValues& setting
 class SweepTable {
  public:
   /// `states`: of the components in the results. `times`: of the rows of a scene; empty for one row.
-  SweepTable(const Sweep&, std::vector<Column>, std::vector<Index> states, std::vector<double> times);
+  SweepTable(const Sweep&, std::vector<Column>, std::vector<Measure>, std::vector<Index> states,
+             std::vector<double> times);
 
   std::string header() const;
   /// Of a block with its statuses. `places`: of its scenes in the result; -1 for one that was not read.
@@ -30,9 +32,11 @@ class SweepTable {
  private:
   void add_row(std::string& text, const SceneBlock&, Index scene, const BatchResult&, Index place, Index at) const;
   void add_values(std::string& text, const BatchResult&, const Column&, Index place, Index at) const;
+  Vector values(const BatchResult&, const Column&, Index place) const;
 
   const Sweep& sweep_;
   std::vector<Column> columns_;
+  std::vector<Measure> measures_;
   std::vector<Index> states_;
   std::vector<double> times_;
 };

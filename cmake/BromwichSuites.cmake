@@ -35,7 +35,7 @@ if(CMAKE_SCRIPT_MODE_FILE)
       APPEND
       lines
       "add_test([=[${PREFIX}${suite}]=] [=[${PROGRAM}]=] [=[--gtest_filter=${tests}]=])\n"
-      "set_tests_properties([=[${PREFIX}${suite}]=] PROPERTIES ENVIRONMENT [=[${ENVIRONMENT}]=] TIMEOUT 1500 COST ${count}"
+      "set_tests_properties([=[${PREFIX}${suite}]=] PROPERTIES ENVIRONMENT [=[${ENVIRONMENT}]=] TIMEOUT 1800 COST ${count}"
       " SKIP_REGULAR_EXPRESSION [=[${all_skipped}]=])\n")
   endforeach()
   file(WRITE ${OUTPUT} "${lines}")

@@ -23,7 +23,7 @@ namespace bromwich {
 
 namespace {
 
-constexpr const char* time_remedy = "only f, g, u, e, definitions and exact solutions may depend on it";
+constexpr const char* time_remedy = "only f, g, u, e, bound, definitions and exact solutions may depend on it";
 
 /// Operations of formulas spent on the search for switch times: seconds at most.
 constexpr long most_work = 50'000'000;  ///< 1.6 million edges of pulses

@@ -2,12 +2,34 @@
 
 #include "core/base/error.hpp"
 #include "files/state_functions.hpp"
+#include "files/words.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
 
 namespace bromwich {
+
+namespace {
+
+/// In phi and gamma x1 is the second state, whatever the first one is called.
+void check_names(const Sections& s, const Labels& names) {
+  for (const auto& [key, list] : {std::pair("x", &names.x), {"y", &names.y}})
+    for (std::size_t i = 0; i < list->size(); ++i) {
+      const std::string &name = (*list)[i], number = name.substr(std::min<std::size_t>(1, name.size()));
+      const bool numbered = name.starts_with(key) && parse_integer(number);
+      if (numbered && name != key + std::to_string(i))
+        throw Error(s.names.where(key), fmt::format("found '{}' for component {} beside [nonlinear]", name, i),
+                    fmt::format("choose another name: in phi and gamma {} is component {}", name, number));
+    }
+}
+
+}  // namespace
 
 std::optional<NonlinearScene> read_nonlinear(const Sections& s, const Scene& linear) {
   const Section& section = s.nonlinear;
   if (!section.given()) return std::nullopt;
+  check_names(s, linear.names);
   if (!section.has("phi") && !section.has("gamma"))
     throw Error(section.where("phi"), "found neither phi nor gamma", "give one of them or both");
   NonlinearScene system;

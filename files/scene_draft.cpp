@@ -20,6 +20,7 @@
 #include <cmath>
 #include <limits>
 #include <set>
+#include <tuple>
 
 namespace bromwich {
 
@@ -58,7 +59,7 @@ Scene complementarity_scene(const Sections& s) {
   Scene scene;
   scene.dynamics = read_dynamics(s);
   if (!s.kronecker.given()) {
-    scene.M = matrix_M(s, scene.constraints());
+    scene.M = without_pairs(s) ? LcpMatrix(Matrix()) : matrix_M(s, scene.constraints());
     if (!s.boundary.given()) scene.x0 = s.dynamics.vector("x0", scene.states());
   } else {
     const Rectangle& r = read_rectangle(s);
@@ -131,7 +132,14 @@ Scene port_scene(const Sections& s, Draft& draft) {
   return scene;
 }
 
-/// All of a relay but x0 and f of the file.
+/// g of [complementarity], with n entries.
+FunctionValue g_of_pairs(const Sections& s, double T, Index n) {
+  FunctionValue g = s.complementarity.function("g", T, n);
+  require_entries(g, n, s.complementarity.where("g"), "one per constraint");
+  return g;
+}
+
+/// All of a relay and of the pairs beside it but x0 and f of the file.
 const Scene& relay_alone(const Sections& s, double T) {
   return s.relay.kept("the scene without x0 and f", {T}, [&] {
     const auto dense = [](const Section& section, const char* key, Index rows = 0, Index columns = 0) {
@@ -140,10 +148,21 @@ const Scene& relay_alone(const Sections& s, double T) {
     const Matrix A = dense(s.dynamics, "A"), B = dense(s.dynamics, "B");
     const Index m = A.rows();
     const Matrix C = dense(s.relay, "C", m, m);
-    const FunctionValue e = s.relay.function("e", T, C.rows());
-    require_entries(e, C.rows(), s.relay.where("e"), "one per row of C");
+    const Index k = C.rows(), n = s.complementarity.given() ? B.cols() - k : 0;
+    if (n < 0)
+      throw Error(s.dynamics.where("B"), fmt::format("has {} columns for {} relays", B.cols(), k),
+                  "give one for each relay, and then those of y");
+    const FunctionValue e = s.relay.function("e", T, k), bound = s.relay.function("bound", T, k);
+    require_entries(e, k, s.relay.where("e"), "one per row of C");
+    require_entries(bound, k, s.relay.where("bound"), "one per row of C");
     Scene scene;
-    in_the_file([&] { return places(s); }, [&] { scene = bromwich::relay_scene(A, B, C, {}, {}, e.function); });
+    in_the_file([&] { return places(s); },
+                [&] {
+                  scene = bromwich::relay_scene(A, B.leftCols(B.cols() - n), C, {}, {}, e.function, bound.function);
+                  if (s.complementarity.given())
+                    scene = with_pairs(std::move(scene), B.rightCols(n), dense(s.complementarity, "N", n, m),
+                                       dense(s.complementarity, "M", n, n), g_of_pairs(s, T, n).function);
+                });
     if (s.dynamics.has("E")) {
       DenseDynamics with_mass = *scene.dynamics->small_state();
       with_mass.E = dense(s.dynamics, "E", m, m);
@@ -154,13 +173,9 @@ const Scene& relay_alone(const Sections& s, double T) {
 }
 
 Scene relay_scene(const Sections& s, Draft& draft) {
-  for (const Section* other : {&s.complementarity, &s.kronecker})
-    if (other->given())
-      throw Error(s.relay.where("C"),
-                  fmt::format("found [relay] and {}", other == &s.kronecker ? "[kronecker]" : "[complementarity]"),
-                  "give one of the two");
+  if (s.kronecker.given()) throw Error(s.relay.where("C"), "found [relay] and [kronecker]", "give one of the two");
   Scene scene = relay_alone(s, draft.scene.T);
-  draft.note(s.relay.function("e", draft.scene.T, scene.relays).switches);
+  for (const char* key : {"e", "bound"}) draft.note(s.relay.function(key, draft.scene.T, scene.relays).switches);
   if (!s.boundary.given()) scene.x0 = s.dynamics.vector("x0", scene.states());
   return scene;
 }
@@ -209,9 +224,8 @@ void add_f(const Sections& s, Draft& draft) {
 
 void add_g(const Sections& s, Draft& draft) {
   Scene& scene = draft.scene;
-  const FunctionValue g = s.complementarity.function("g", scene.T, scene.constraints());
-  require_entries(g, scene.constraints(), s.complementarity.where("g"), "one per constraint");
-  if (g.function) scene.g = g.function;
+  const FunctionValue g = g_of_pairs(s, scene.T, scene.constraints() - 2 * scene.relays);
+  if (g.function && scene.relays == 0) scene.g = g.function;  // otherwise it is beside that of the relays
   draft.note(g.switches);
 }
 
@@ -305,19 +319,20 @@ void add_kept_sources(const Sections& s, Draft& draft) {
   draft.switches = with.switches, draft.sources = with.sources;
 }
 
-void check_names(const Section& section, const Labels& names) {
+/// Names are headers of columns, beside x0, x1, ... where the components of a kind have none.
+void check_names(const Section& section, const Scene& scene) {
+  const Labels& names = scene.names;
   std::set<std::string> seen{"t", "all", "none"};
+  for (const auto& [letter, list, count] : {std::tuple('x', &names.x, scene.states()),
+                                            {'y', &names.y, scene.constraints()},
+                                            {'w', &names.w, scene.constraints()}})
+    for (Index i = 0; list->empty() && i < count; ++i) seen.insert(letter + std::to_string(i));
   for (const auto& [key, list] : {std::pair("x", &names.x), std::pair("y", &names.y), std::pair("w", &names.w)})
     for (std::size_t i = 0; i < list->size(); ++i) {
       const std::string& name = (*list)[i];
       if (name.empty() || name.find_first_of(",\"'#=") != std::string::npos)
         throw Error(section.where(key), fmt::format("found '{}'", name),
                     "give names without commas, quotes, # and =: they are headers of columns");
-      const bool numbered = (name[0] == 'x' || name[0] == 'y' || name[0] == 'w') && name.size() > 1 &&
-                            name.find_first_not_of("0123456789", 1) == std::string::npos;
-      if (numbered && name != key + std::to_string(i))
-        throw Error(section.where(key), fmt::format("found '{}' for component {}", name, i),
-                    "choose another name: x, y or w with a number is a component without a name");
       if (!seen.insert(name).second)
         throw Error(section.where(key), fmt::format("'{}' is taken", name), "give every component a name of its own");
     }
@@ -331,7 +346,7 @@ void add_labels(const Sections& s, Scene& scene) {
   scene.names = labels(s.names);
   scene.units = labels(s.units);
   scene.time_unit = s.units.text("t", "");
-  check_names(s.names, scene.names);
+  if (s.names.given()) check_names(s.names, scene);
 }
 
 Index whole_steps(const std::string& where, double value) {

@@ -118,6 +118,16 @@ SceneFile read_scene_file(const std::filesystem::path& file, const ParameterValu
   return SceneReader(file).linear(settings);
 }
 
+ParameterValues file_parameters(const std::filesystem::path& file, const ParameterValues& settings) {
+  const std::string name = one_line(file.string());
+  Document document{name};
+  const toml::table root = read_with_includes(document, read_text({name, file}, name), file);
+  const Sections sections = read_sections(document, root);
+  ParameterValues others;
+  read_parameters(document, sections.parameters, settings, others);
+  return document.expressions.parameters();
+}
+
 double constant_expression(const std::string& text, const ParameterValues& names, const std::string& where) {
   Expressions expressions;
   for (const Name& name : names_in(text))

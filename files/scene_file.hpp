@@ -48,6 +48,9 @@ SceneFile read_scene_file(const std::filesystem::path& file, const ParameterValu
 SceneFile parse_scene(std::string_view toml, const std::string& file_name, const std::filesystem::path& folder = {},
                       const ParameterValues& settings = {});
 
+/// The values of [parameters] of a file with these settings, as read_scene_file takes them.
+ParameterValues file_parameters(const std::filesystem::path& file, const ParameterValues& settings);
+
 /// The value of an expression without t, such as "2*pi/3" or "R/2" with the value of R among `names`. Without a reader
 /// only numbers are understood.
 double constant_expression(const std::string& text, const ParameterValues& names, const std::string& where);

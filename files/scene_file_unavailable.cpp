@@ -49,6 +49,8 @@ std::optional<Sweep> parse_sweep(std::string_view, const std::string&, const std
   return std::nullopt;
 }
 
+ParameterValues file_parameters(const std::filesystem::path&, const ParameterValues&) { return {}; }
+
 double constant_expression(const std::string& text, const ParameterValues&, const std::string& where) {
   const auto value = parse_double(text);
   if (!value) throw Error(where, "found '" + one_line(text) + "'", "give a finite number");

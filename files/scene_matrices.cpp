@@ -54,7 +54,7 @@ SparseMatrix sparse_value(const MatrixValue& value) {
 
 Matrix dense_value(const MatrixValue& value, const std::string& where) {
   if (const auto* dense = std::get_if<Matrix>(&value)) return *dense;
-  if (rows(value) > largest_dense * largest_dense / columns(value))
+  if (double(rows(value)) * double(columns(value)) > double(largest_dense * largest_dense))
     throw Error(where, fmt::format("is {} x {} and would be kept densely", rows(value), columns(value)),
                 "use a sparse A (coordinate .mtx) with few constraints, or fewer states");
   return Matrix(std::get<SparseMatrix>(value));
@@ -81,7 +81,9 @@ namespace {
 Dynamics dynamics_of_matrices(const Sections& s) {
   const MatrixValue& A = s.dynamics.matrix("A");
   const Index m = rows(A);
-  const MatrixValue &B = s.dynamics.matrix("B"), &N = s.complementarity.matrix("N", columns(B), m);
+  const MatrixValue none = Matrix(m, 0), seen_by_none = Matrix(0, m);
+  const MatrixValue& B = without_pairs(s) ? none : s.dynamics.matrix("B");
+  const MatrixValue& N = without_pairs(s) ? seen_by_none : s.complementarity.matrix("N", columns(B), m);
   const bool mass = s.dynamics.has("E");
   const MatrixValue E = mass ? s.dynamics.matrix("E", m, m) : MatrixValue(Matrix());
   if (stays_sparse(A))
@@ -213,6 +215,8 @@ Rectangle rectangle_of(const Sections& s) {
 }
 
 }  // namespace
+
+bool without_pairs(const Sections& s) { return !s.complementarity.given() && !s.dynamics.has("B"); }
 
 const Rectangle& read_rectangle(const Sections& s) {
   return s.kronecker.kept("the rectangle", {}, [&] { return rectangle_of(s); });

@@ -21,6 +21,9 @@ LcpMatrix lcp_matrix(const MatrixValue&, const std::string& where, Index smalles
 /// A, B, N and E, or those of the rectangle. It stays as KeptValues says, as the rectangle does.
 const Dynamics& read_dynamics(const Sections&);
 
+/// Whether the file has neither y nor w: no [complementarity] and no B.
+bool without_pairs(const Sections&);
+
 /// A rectangle whose first direction is along the side of the constraints, or a line.
 const Rectangle& read_rectangle(const Sections&);
 /// M of one side is that of both sides of a rectangle with two.

@@ -125,16 +125,22 @@ std::string Section::word(const std::string& key, const std::vector<std::string>
   return found;
 }
 
-std::optional<NumberFile> Section::file(const std::string& key) const {
-  const auto* text = require(key).as_string();
+std::optional<NumberFile> Section::file(const toml::node& node) const {
+  const auto* text = node.as_string();
   if (!text) return std::nullopt;
   const std::string& name = text->get();
   if (const std::string found = extension(name); found != ".mtx" && found != ".csv") return std::nullopt;
-  const std::string& in = require(key).source().path ? *require(key).source().path : document_->name;
+  const std::string& in = node.source().path ? *node.source().path : document_->name;
   const std::filesystem::path path = document_->folders.at(in) / name;
   if (std::find(document_->read.begin(), document_->read.end(), path) == document_->read.end())
     document_->read.push_back(path);
   return NumberFile{path.string(), path};
+}
+
+/// An entry of a list of functions that names a table.
+bool Section::is_table(const toml::node& node) const {
+  const auto* text = node.as_string();
+  return text && extension(text->get()) == ".csv";
 }
 
 const std::string* Section::single_text(const std::string& key) const {
@@ -243,13 +249,36 @@ const MatrixValue& Section::matrix(const std::string& key, Index rows, Index col
   return kept("the matrix " + key, {double(rows), double(columns)}, [&] { return read_matrix(key, rows, columns); });
 }
 
+namespace {
+
+SparseMatrix multiple_of_identity(Index size, double value) {
+  SparseMatrix matrix(size, size);
+  matrix.setIdentity();
+  return (value * matrix).pruned();
+}
+
+/// Whether all names of the text are those of functions and of the file.
+bool has_meaning(const std::string& text, const Expressions& expressions) {
+  static const auto functions = expression_functions();
+  const auto names = names_in(text);
+  return !one_line(text).empty() && std::all_of(names.begin(), names.end(), [&](const Name& name) {
+    if (name.called) return std::find(functions.begin(), functions.end(), name.text) != functions.end();
+    return name.text == "pi" || expressions.has(name.text);
+  });
+}
+
+}  // namespace
+
 MatrixValue Section::read_matrix(const std::string& key, Index rows, Index columns) const {
   const auto named = file(key);
   if (!named) {
     const std::string* word = single_text(key);
+    const bool square = rows == columns && rows > 0;
+    if (!word && square && require(key).is_number()) return multiple_of_identity(rows, this->number(key));
     if (!word) return inline_matrix(key);
     const auto number = [&](const std::string& text) { return document_->expressions.number(text, where(key)); };
     if (const auto form = matrix_form(*word, rows, columns, number, where(key))) return *form;
+    if (square && has_meaning(*word, document_->expressions)) return multiple_of_identity(rows, number(*word));
     throw Error(where(key),
                 "found " + kind(require(key)) + suggestion(word->substr(0, word->find('(')), matrix_forms()),
                 rows_remedy);
@@ -291,7 +320,8 @@ const std::vector<std::string>& Section::texts_in_time(const std::string& key, I
       for (Index i = 0; i < size; ++i) texts.push_back(document_->expressions.in_full(of_entry(key, i), where(key)));
       return texts;
     }
-    for (const toml::node& entry : require_list(key, function_remedy)) texts.push_back(time_expression(entry, key));
+    for (const toml::node& entry : require_list(key, function_remedy))
+      texts.push_back(is_table(entry) ? "0" : time_expression(entry, key));
     return texts;
   });
 }
@@ -332,6 +362,9 @@ std::vector<Formula> Section::formulas(const std::string& key, Index size,
 
 FunctionValue Section::expressions(const std::string& key, Index size) const {
   if (!has(key)) return {};
+  if (const toml::array* list = require(key).as_array())
+    for (const toml::node& entry : *list)
+      if (is_table(entry)) throw Error(where(entry, key), "found " + kind(entry), "give an expression of t");
   return {function_of_texts(key, size), Index(texts_in_time(key, size).size())};
 }
 
@@ -341,7 +374,33 @@ FunctionValue Section::function(const std::string& key, double last_time, Index 
   if (named && extension(named->name) == ".csv") return tabulated(key, *named, last_time);
   const SwitchTimes& switches = kept("the switch times of " + key, {double(size), last_time},
                                      [&] { return switch_times_of_texts(key, last_time, size); });
-  return {function_of_texts(key, size), Index(texts_in_time(key, size).size()), switches};
+  return with_tables(key, last_time, {function_of_texts(key, size), Index(texts_in_time(key, size).size()), switches});
+}
+
+/// Entries of the list that name a table of one column each: they replace those of the texts.
+FunctionValue Section::with_tables(const std::string& key, double last_time, FunctionValue of_texts) const {
+  std::vector<std::pair<Index, TimeFunction>> tables;
+  const toml::array* list = require(key).as_array();
+  for (std::size_t i = 0; list && i < list->size(); ++i) {
+    const toml::node& entry = (*list)[i];
+    if (!is_table(entry)) continue;
+    const NumberFile named = *file(entry);
+    const TimeTable& table = kept("the table of entry " + std::to_string(i) + " of " + key, {}, [&] {
+      return read_time_table(read_text(named, where(entry, key)), named.name, key.front());
+    });
+    if (table.values.cols() != 1)
+      throw Error(where(entry, key), fmt::format("the table '{}' has {} columns", named.name, table.values.cols()),
+                  fmt::format("give one, t,{}0, for one entry", key.front()));
+    require_times_until(table, last_time);
+    of_texts.switches = together({{of_texts.switches, 0}, {{kinks(table, last_time), true}, 0}});
+    tables.emplace_back(Index(i), interpolate(table));
+  }
+  if (tables.empty()) return of_texts;
+  of_texts.function = [texts = of_texts.function, tables](double t, Eigen::Ref<Vector> value) {
+    texts(t, value);
+    for (const auto& [i, table] : tables) table(t, value.segment(i, 1));
+  };
+  return of_texts;
 }
 
 SwitchTimes Section::switch_times_of_texts(const std::string& key, double last_time, Index size) const {
@@ -350,7 +409,7 @@ SwitchTimes Section::switch_times_of_texts(const std::string& key, double last_t
   std::vector<SwitchSearch> all;
   std::set<std::string> seen;
   for (const toml::node& entry : require_list(key, function_remedy))
-    if (const auto* text = entry.as_string(); text && seen.insert(text->get()).second)
+    if (const auto* text = entry.as_string(); text && !is_table(entry) && seen.insert(text->get()).second)
       all.push_back(expressions.kept().get("the switch times of " + text->get(), {last_time}, [&] {
         return expressions.switch_search(time_expression(entry, key), last_time);
       }));
@@ -359,7 +418,7 @@ SwitchTimes Section::switch_times_of_texts(const std::string& key, double last_t
 
 FunctionValue Section::tabulated(const std::string& key, const NumberFile& named, double last_time) const {
   const TimeTable& table = kept("the table " + key, {},
-                                [&] { return read_time_table(read_text(named, where(key)), named.name, key.back()); });
+                                [&] { return read_time_table(read_text(named, where(key)), named.name, key.front()); });
   require_times_until(table, last_time);
   const auto& kinks_of_table = kept("the kinks of " + key, {last_time}, [&] { return kinks(table, last_time); });
   const TimeFunction& function = kept("the function " + key, {}, [&] { return interpolate(table); });

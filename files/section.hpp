@@ -68,7 +68,8 @@ class Section {
   std::vector<double> partly_known(const std::string& key) const;
   /// Texts, or one for all of `size` entries; empty if the key is missing.
   std::vector<std::string> texts(const std::string& key, Index size) const;
-  /// `rows` and `columns`: the size of "identity" and "zero", if it is known. It stays as KeptValues says.
+  /// `rows` and `columns`: the size of "identity" and "zero", if it is known; of a square one a number is that multiple
+  /// of the identity. It stays as KeptValues says.
   const MatrixValue& matrix(const std::string& key, Index rows = 0, Index columns = 0) const;
   /// Expressions of t, or a table of values up to `last_time`; with `size` also one expression for all entries i.
   FunctionValue function(const std::string& key, double last_time, Index size = 0) const;
@@ -95,13 +96,16 @@ class Section {
   const std::vector<std::string>& texts_in_time(const std::string& key, Index size) const;
   const TimeFunction& function_of_texts(const std::string& key, Index size) const;
   SwitchTimes switch_times_of_texts(const std::string& key, double last_time, Index size) const;
+  FunctionValue with_tables(const std::string& key, double last_time, FunctionValue of_texts) const;
   FunctionValue tabulated(const std::string& key, const NumberFile& table, double last_time) const;
   std::string of_entry(const std::string& key, Index i, std::optional<Index> j = {}) const;
   std::string of_entry_and_own(const std::string& key, Index i, const std::string& own) const;
   const std::string* single_text(const std::string& key) const;
   std::string time_expression(const toml::node& node, const std::string& key) const;
   Matrix inline_matrix(const std::string& key) const;
-  std::optional<NumberFile> file(const std::string& key) const;
+  std::optional<NumberFile> file(const std::string& key) const { return file(require(key)); }
+  std::optional<NumberFile> file(const toml::node& node) const;
+  bool is_table(const toml::node& node) const;
 
   const Document* document_;
   const toml::table* table_;

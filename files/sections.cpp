@@ -41,7 +41,7 @@ const std::vector<SectionKeys>& scene_file_keys() {
        {"dimensions", "points", "spacing", "length", "diffusivity", "advection", "reaction", "along", "beside",
         "across", "b", "n", "far_b", "far_n"}},
       {"complementarity", {"N", "M", "g", "class"}},
-      {"relay", {"C", "e"}},
+      {"relay", {"C", "e", "bound"}},
       {"port", {"E", "J", "R", "Q", "B", "u", "jumps", "x0"}},
       {"boundary", {"E0", "ET", "b"}},
       {"free", {"rows"}},
@@ -112,7 +112,7 @@ void in_the_file(const std::function<Places()>& places_of_members, const std::fu
 }
 
 Places places(const Sections& s) {
-  const Section& seen = s.relay.given() ? s.relay : s.complementarity;
+  const bool relays_alone = s.relay.given() && !s.complementarity.given();
   const bool sum = s.kronecker.given();
   return {{"A", s.dynamics.where("A")},
           {"B", s.dynamics.where("B")},
@@ -126,9 +126,9 @@ Places places(const Sections& s) {
           {"f", s.dynamics.where("f")},
           {"x0", s.dynamics.where("x0")},
           {"C", s.relay.where("C")},
-          {"N", seen.where(s.relay.given() ? "C" : "N")},
+          {"N", relays_alone ? s.relay.where("C") : s.complementarity.where("N")},
           {"M", s.complementarity.where("M")},
-          {"g", s.relay.given() ? s.relay.where("e") : s.complementarity.where("g")},
+          {"g", relays_alone ? s.relay.where("e") : s.complementarity.where("g")},
           {"lcp_class", s.complementarity.where("class")},
           {"E0", s.boundary.where("E0")},
           {"ET", s.boundary.where("ET")},

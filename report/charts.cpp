@@ -261,6 +261,8 @@ std::string heat_map(const HeatMap& map) {
   std::vector<Tick> ticks;
   for (Tick& tick : Scale(0, std::max(1., last), bottom, top).ticks(5))
     if (tick.value == std::floor(tick.value) && tick.value <= last) ticks.push_back(std::move(tick));
+  if (!map.rows.empty())
+    for (Tick& tick : ticks) tick.label = short_number(map.rows[std::size_t(tick.value)]);
   const double left = left_margin(ticks), right = map.marked ? width - right_margin : width - 106;
   const Range xs = whole_range({map.t.data(), map.t.data() + map.t.size()});
   const Scale x(xs.lo, xs.hi, left, right);

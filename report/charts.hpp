@@ -43,8 +43,9 @@ struct HeatMap {
   std::string title;
   std::string x, y, value;  ///< labels of the axes and of the scale of colours
   Vector t;
-  RowMatrix values;     ///< t.size() x components
-  bool marked = false;  ///< only whether a value is above 0
+  RowMatrix values;               ///< t.size() x components
+  bool marked = false;            ///< only whether a value is above 0
+  std::vector<double> rows = {};  ///< what the components stand for, in place of their numbers
 };
 std::string heat_map(const HeatMap&);
 

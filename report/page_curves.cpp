@@ -26,9 +26,26 @@ namespace {
 struct Kind {
   const char *symbol, *heading, *one;  ///< `one`: what a component is called
 };
-constexpr std::array<Kind, 3> kinds{{{"y", "y: the complementary variables", "constraint"},
-                                     {"w", "w = N x + M y + g", "constraint"},
-                                     {"x", "x: the states", "state"}}};
+constexpr std::array<Kind, 3> kinds{{{"x", "x: the states", "state"},
+                                     {"y", "y: the complementary variables", "constraint"},
+                                     {"w", "w = N x + M y + g", "constraint"}}};
+
+double largest_of(const Eigen::Ref<const RowMatrix>& values) {
+  double largest = 0;
+  for (const double v : values.reshaped())
+    if (std::isfinite(v)) largest = std::max(largest, std::abs(v));
+  return largest;
+}
+
+/// With its times in thousands of their unit, or parts of them, as the axes show them.
+Report with_drawn_times(Report report) {
+  Vector& t = report.table.t;
+  if (t.size() == 0) return report;
+  const ScaledUnit unit = with_prefix(report.table.time_unit, t.cwiseAbs().maxCoeff());
+  t /= unit.size;
+  report.table.time_unit = unit.name;
+  return report;
+}
 
 /// y, and w = N x + M y + g, at t = 0 where the state jumps there.
 bool has_impulse(const Report& report, const Quantity& q) {
@@ -48,10 +65,7 @@ std::vector<std::vector<Index>> panels(const Quantity& q, const RowMatrix& value
   constexpr std::size_t most_panels = 4;
   std::vector<std::pair<double, Index>> sizes;
   for (Index i = 0; i < values.cols(); ++i) {
-    double largest = 0;
-    for (const double v : values.col(i))
-      if (std::isfinite(v)) largest = std::max(largest, std::abs(v));
-    sizes.emplace_back(largest, i);
+    sizes.emplace_back(largest_of(values.col(i)), i);
   }
   std::stable_sort(sizes.begin(), sizes.end(), [](const auto& a, const auto& b) { return a.first > b.first; });
   std::vector<std::vector<Index>> groups;
@@ -83,11 +97,12 @@ std::string lines_of(const Report& report, const Quantity& q) {
                      !is_set(report.summary, "continuous");
   std::string pictures;
   for (const std::vector<Index>& panel : panels(q, values)) {
-    const std::string unit = q.units[std::size_t(panel.front())];
+    const ScaledUnit unit = with_prefix(q.units[std::size_t(panel.front())], largest_of(values(Eigen::all, panel)));
     const bool one = panel.size() == 1;
     const std::string label = one ? q.names[std::size_t(panel.front())] : q.symbol;
-    LineChart chart{label + " over time", {time_label(report)}, {with_unit(label, unit)}, {}, {}};
-    for (const Index i : panel) chart.lines.push_back({q.names[std::size_t(i)], report.table.t, values.col(i), steps});
+    LineChart chart{label + " over time", {time_label(report)}, {with_unit(label, unit.name)}, {}, {}};
+    for (const Index i : panel)
+      chart.lines.push_back({q.names[std::size_t(i)], report.table.t, values.col(i) / unit.size, steps});
     pictures += line_chart(chart);
   }
   return pictures;
@@ -134,7 +149,8 @@ std::string others(const Report& report, const Quantity& q) {
 
 }  // namespace
 
-std::string curves_part(const Report& report) {
+std::string curves_part(const Report& given) {
+  const Report report = with_drawn_times(given);
   std::string html;
   if (report.table.t.size() == 0) return html;
   for (const Kind& kind : kinds) {
@@ -183,16 +199,14 @@ std::vector<Index> bound_rows(const Json& summary, Index n) {
 
 }  // namespace
 
-std::string active_part(const Report& report) {
+std::string active_part(const Report& given) {
+  const Report report = with_drawn_times(given);
   const Quantity* y = report.table.find("y");
   if (!y || report.table.t.size() < 2) return "";
   const std::vector<Index> rows = bound_rows(report.summary, y->values.cols());
   if (rows.empty()) return "";
   const RowMatrix values = without_impulse(report, *y);
-  double largest = 0;
-  for (const double v : values.reshaped())
-    if (std::isfinite(v)) largest = std::max(largest, std::abs(v));
-  const double zero = negligible * largest;
+  const double zero = negligible * largest_of(values);
   std::string caption = "A bar stands where y > 0, at every time point of the result. ";
   std::string picture;
   if (rows.size() <= most_bars) {

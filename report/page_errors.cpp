@@ -89,8 +89,9 @@ std::string error_part(const Report& report) {
   if (chart.bars.empty() || !tolerance) return "";
   if (*tolerance > 0) chart.levels.push_back({*tolerance, "tolerance " + number(*tolerance)});
   const auto total = number_at(s, "error_estimate"), order = number_at(s, "errors/order");
-  std::string words = total ? fmt::format("The estimated error is {}, {} the tolerance.", number(*total),
-                                          *total <= *tolerance ? "below" : "above")
+  const std::string of = text_at(s, "error_estimate_of");
+  std::string words = total ? fmt::format("The estimated error of {} is {}, {} the tolerance.", of.empty() ? "y" : of,
+                                          number(*total), *total <= *tolerance ? "below" : "above")
                             : "The error could not be estimated.";
   if (order) words += fmt::format(" Halving the step was seen to reduce it with order {:.1f}.", *order);
   return heading("Error and tolerance") + figure(number_bars(chart), words);

@@ -3,7 +3,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <string_view>
 
 namespace bromwich::report {
 
@@ -75,6 +77,19 @@ std::string short_number(double value, int digits) {
   std::string signs;
   for (const char c : text) signs += c == '-' ? std::string("−") : std::string(1, c);
   return signs;
+}
+
+ScaledUnit with_prefix(const std::string& unit, double largest) {
+  constexpr std::array<std::string_view, 21> taking{"s", "V", "A", "W",  "m",  "g",   "Hz",  "F",   "H", "N",  "J",
+                                                    "C", "K", "T", "Pa", "Wb", "mol", "rad", "ohm", "Ω", "bar"};
+  constexpr std::array<const char*, 10> prefixes{"f", "p", "n", "µ", "m", "", "k", "M", "G", "T"};
+  constexpr int of_none = 5;
+  constexpr double least = 0.1, most = 1e4;  // read without a prefix
+  const bool plain = !std::isfinite(largest) || largest == 0 || (largest >= least && largest < most);
+  if (plain || std::find(taking.begin(), taking.end(), unit) == taking.end()) return {unit, 1};
+  const int thousands = int(std::floor(std::log10(largest) / 3));
+  if (thousands < -of_none || thousands + of_none >= int(prefixes.size())) return {unit, 1};
+  return {prefixes[std::size_t(thousands + of_none)] + unit, std::pow(10, 3 * thousands)};
 }
 
 Scale::Scale(double lo, double hi, double from, double to, bool logarithmic)

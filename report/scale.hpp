@@ -12,6 +12,16 @@ std::string escaped(const std::string& text);
 /// "0.25", "1e−6": at most `digits` digits.
 std::string short_number(double value, int digits = 6);
 
+/// A unit with its prefix, and how many units it is: "µs", 1e-6.
+struct ScaledUnit {
+  std::string name;
+  double size = 1;
+};
+
+/// For values up to `largest`. Units that take no prefix (mm, h), and sizes that are read without one, stay as they
+/// are.
+ScaledUnit with_prefix(const std::string& unit, double largest);
+
 struct Tick {
   double value = 0;
   std::string label;  ///< may be empty

@@ -96,11 +96,10 @@ std::vector<Certificate> certificates(const Json& summary) {
   add("kernel_error", "kernel error",
       "difference of the weights of the kernel from independently computed ones, relative to the largest");
   const auto tolerance = number_at(summary, "errors/tolerance");
+  const std::string of = text_at(summary, "error_estimate_of");
   add("error_estimate", "estimated error",
-      tolerance ? fmt::format("of {}, relative; the tolerance is {}. An estimate from several grids, not a bound",
-                              text_at(summary, "errors/of").empty() ? "y" : text_at(summary, "errors/of"),
-                              rounded(*tolerance))
-                : "of y, from the next coarser grid. An estimate, not a bound");
+      fmt::format("of {}, relative{}. An estimate, not a bound", of.empty() ? "y" : of,
+                  tolerance ? "; the tolerance is " + rounded(*tolerance) : ""));
   add_goal(summary, list);
   const bool of_goal = !text_at(summary, "goal/quantity").empty();
   const std::string status = text_at(summary, "status");

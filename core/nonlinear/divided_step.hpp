@@ -20,7 +20,7 @@ struct StepOptions {
   bool least = false;        ///< as NonlinearSteps::select_least
   double tolerance = 1e-12;  ///< of Newton's iteration
   Index most_newton = 30;
-  std::array<double, 2> sizes{};  ///< of x and y, as NonlinearSteps::sizes
+  std::array<double, 3> sizes{};  ///< of x, y and w, as NonlinearSteps::sizes
 };
 
 /// From x, y at t to those at t + length, before a jump there. `breaks`: in (t, t + length], increasing. The scene is

@@ -34,8 +34,8 @@ struct NonlinearOptions {
   Index most_newton = 30;            ///< Newton iterations of a step or window
   Index most_iterations = 200;       ///< linear solves of a window
   Method inner = Method::automatic;  ///< of the linear solves
-  /// Error of x, and of y where it is continuous, relative to the largest value of each component; steps are halved
-  /// until it is reached. 0: one grid.
+  /// Error of x and y, of the mean of y where it may jump, relative to the largest value of each component; steps are
+  /// halved until it is reached. 0: one grid.
   double error = 0;
   Index max_steps = Index(1) << 18;  ///< of the finest grid
   /// Of one grid: half the step confirms a result of which its own steps raise doubts (doubts.hpp).

@@ -5,6 +5,7 @@
 #include "core/base/text.hpp"
 #include "core/nonlinear/divided_step.hpp"
 #include "core/nonlinear/frozen_windows.hpp"
+#include "core/result/estimated_quantity.hpp"
 #include "core/solve/dense_output.hpp"
 
 #include <algorithm>
@@ -73,7 +74,7 @@ class Sampling {
       return rows.array().isFinite().select(rows.array(), 0.0).abs().maxCoeff();
     };
     step_.rule = result_.continuous ? StepRule::linear : StepRule::radau;
-    step_.sizes = {largest(result_.x), largest(result_.y)};
+    step_.sizes = {largest(result_.x), largest(result_.y), largest(result_.w)};
     divisions_ = divisions_of(scene_.linear);
     if (!result_.continuous) return;
     NonlinearScene first = scene_;
@@ -150,6 +151,14 @@ NonlinearResult nonlinear_at(const NonlinearScene& scene, Backend& backend, cons
     sampled.w.row(k) = (v + multiply(scene.linear.M, one.y) + g + gamma).transpose();
   }
   return sampled;
+}
+
+std::string estimated_quantity(const NonlinearResult& given) {
+  Result r;
+  r.error_estimate = given.error_estimate;
+  r.continuous = given.continuous;
+  r.x.resize(0, std::max(given.x.cols(), given.trace.cols()));
+  return estimated_quantity(r);
 }
 
 Result as_result(const NonlinearScene& scene, const NonlinearResult& given) {

@@ -20,4 +20,7 @@ NonlinearResult nonlinear_at(const NonlinearScene&, Backend&, const NonlinearRes
 /// w - M y - g, which is N x + gamma. All states are in it, or none with of_trace in scenes that are not dense.
 Result as_result(const NonlinearScene&, const NonlinearResult&);
 
+/// What its error_estimate is the error of, in the words of a linear result.
+std::string estimated_quantity(const NonlinearResult&);
+
 }  // namespace bromwich

@@ -33,6 +33,39 @@ std::string not_finite(const char* name, const Linearization& l) {
   return l.by_x.allFinite() && l.by_y.allFinite() ? "" : std::string("the derivatives of ") + name + " are not finite";
 }
 
+// The change of w by that of y, relative to the largest term of w that there was: where gamma is steep, as at the start
+// of a diode's law, a change of y that is nothing beside the largest y is one of w that is not.
+double relative_in_slack(const Matrix& M, const Vector& change, const Vector& y, const Vector& terms, double& size) {
+  size = std::max({size, largest(terms), largest(M.cwiseAbs() * y)});
+  const double moved = largest(M.cwiseAbs() * change.cwiseAbs());
+  return moved > 0 ? moved / std::max(size, moved) : 0;
+}
+
+// Newton's iteration of a law that is steep at one end and flat at the other, as that of a diode, may jump to and fro
+// between the two. An iterate at which y and w are complementary less well than at the one before goes half the way
+// back.
+class Descent {
+ public:
+  /// Whether the iterate is worse, and has gone back.
+  bool turned_back(Index iterations, const Vector& w, Vector& X, Vector& Y) {
+    constexpr double clearly = 2;  // more than rounding
+    constexpr Index undamped = 8;  // an iteration that converges has nearly done so by then
+    const double merit = largest(w.cwiseMin(Y));
+    const bool worse = iterations > undamped && merit > clearly * merit_;
+    if (worse) {
+      X = (X + X_) / 2;
+      Y = (Y + Y_) / 2;
+    } else {
+      X_ = X, Y_ = Y, merit_ = merit;
+    }
+    return worse;
+  }
+
+ private:
+  Vector X_, Y_;
+  double merit_ = INFINITY;
+};
+
 // Whether a change of y is lost in the rounding of w = ... + M y: where the forces on a constraint cancel, y is noise
 // of any relative change.
 bool lost_in_slack(const Matrix& M, const Vector& change, const Vector& terms) {
@@ -143,18 +176,22 @@ NewtonOutcome NonlinearSteps::y_at(Index j, const Vector& x, Vector& y) const {
   NewtonOutcome outcome;
   const Vector given = g(time(j)), fixed = N_ * x + given;
   const Vector terms_of_fixed = N_.cwiseAbs() * x.cwiseAbs() + given.cwiseAbs();
-  double size = 0;
+  double size = 0, size_w = size_w_;
+  Descent descent;
+  Vector none;
   for (double before = INFINITY; outcome.iterations < most_newton_; before = outcome.change) {
     ++outcome.iterations;
     const Linearization gamma = linearize(scene_->gamma, scene_->dgamma, N_.rows(), time(j), x, y);
     outcome.why = not_finite("gamma", gamma);
     outcome.nonfinite = !gamma.value.allFinite();
     if (!outcome.why.empty()) return outcome;
+    if (descent.turned_back(outcome.iterations, fixed + M_ * y + gamma.value, none, y)) continue;
     const Matrix M = M_ + gamma.by_y;
     Vector next = y;
     if (!solve_lcp(M, M, fixed + gamma.value - gamma.by_y * y, next)) return outcome.why = no_solution, outcome;
-    outcome.change = relative(next - y, next, size);
-    if (lost_in_slack(M, next - y, terms_of_fixed + gamma.value.cwiseAbs() + M_.cwiseAbs() * next)) outcome.change = 0;
+    const Vector terms = terms_of_fixed + gamma.value.cwiseAbs() + M_.cwiseAbs() * next;
+    outcome.change = std::max(relative(next - y, next, size), relative_in_slack(M, next - y, next, terms, size_w));
+    if (lost_in_slack(M, next - y, terms)) outcome.change = 0;
     y = next;
     outcome.solved = outcome.change <= tolerance_ || (outcome.change <= stalled && outcome.change > before / 2);
     if (!scene_->gamma) outcome.solved = true;  // the problem is linear
@@ -220,10 +257,12 @@ NewtonOutcome NonlinearSteps::take(Index j, Vector& x, Vector& y) {
                               increments_.row((j - 1) * nodes + i).transpose();
     g_at.push_back(g(t0 + step_.nodes[std::size_t(i)] * h_));
   }
+  Descent descent;
   for (double before = INFINITY; outcome.iterations < most_newton_; before = outcome.change) {
     ++outcome.iterations;
     const Equations e = equations(j, X, Y, known, g_at);
     if (!e.why.empty()) return outcome.why = e.why, outcome;
+    if (descent.turned_back(outcome.iterations, e.w, X, Y)) continue;
     const Eigen::PartialPivLU<Matrix> lu(e.by_x);
     const Vector free = -lu.solve(e.R);         // dX without a change of Y
     const Matrix response = -lu.solve(e.by_y);  // of dX to dY
@@ -233,9 +272,11 @@ NewtonOutcome NonlinearSteps::take(Index j, Vector& x, Vector& y) {
       return outcome.why = no_solution, outcome;
     const Vector dX = free + response * (next - Y);
     if (!dX.allFinite()) return outcome.why = "its iterate is not finite", outcome;
+    const double of_x = relative(dX, X + dX, size_x_), of_y = relative(next - Y, next, size_y_);
+    outcome.change = lost_in_slack(reduced, next - Y, e.terms)
+                         ? of_x
+                         : std::max({of_x, of_y, relative_in_slack(reduced, next - Y, next, e.terms, size_w_)});
     X += dX;
-    const double of_x = relative(dX, X, size_x_), of_y = relative(next - Y, next, size_y_);
-    outcome.change = lost_in_slack(reduced, next - Y, e.terms) ? of_x : std::max(of_x, of_y);
     Y = next;
     outcome.solved = outcome.change <= tolerance_ || (outcome.change <= stalled && outcome.change > before / 2);
     if (outcome.solved && turns_growth_round(e.by_x, lu)) {

@@ -46,9 +46,9 @@ class NonlinearSteps {
   /// x_j from x_{j-1} and F at both ends; rule linear.
   Vector carry(Index j, const Vector& x0, const Vector& F0, const Vector& F1) const;
 
-  /// The largest |x| and |y| so far, to which changes are relative.
-  std::array<double, 2> sizes() const { return {size_x_, size_y_}; }
-  void set_sizes(const std::array<double, 2>& xy) { size_x_ = xy[0], size_y_ = xy[1]; }
+  /// The largest |x|, |y| and term of w so far, to which changes are relative.
+  std::array<double, 3> sizes() const { return {size_x_, size_y_, size_w_}; }
+  void set_sizes(const std::array<double, 3>& xyw) { size_x_ = xyw[0], size_y_ = xyw[1], size_w_ = xyw[2]; }
 
   void select_least() { least_ = true; }
   bool selects_least() const { return least_; }
@@ -69,9 +69,9 @@ class NonlinearSteps {
   double h_;
   double tolerance_;
   Index most_newton_;
-  bool least_ = false;                     ///< the least element is selected: class Z
-  mutable std::optional<LcpClass> class_;  ///< of the last matrix that was examined
-  double size_x_ = 0, size_y_ = 0;         ///< the largest values so far
+  bool least_ = false;                           ///< the least element is selected: class Z
+  mutable std::optional<LcpClass> class_;        ///< of the last matrix that was examined
+  double size_x_ = 0, size_y_ = 0, size_w_ = 0;  ///< the largest values so far
   ExponentialStep step_;
   RowMatrix increments_;  ///< s_i: row (j - 1) nodes + i of step j
 };

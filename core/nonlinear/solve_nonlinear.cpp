@@ -55,6 +55,20 @@ std::optional<double> error_of(double before, double now, double wanted) {
   return bound <= wanted ? std::optional(bound) : std::nullopt;
 }
 
+// The integral of y by the quadrature of the steps.
+RowMatrix integral_of_y(const NonlinearResult& r) {
+  Result as_linear;
+  as_linear.t = r.t;
+  as_linear.y = r.y;
+  as_linear.continuous = r.continuous;
+  return bromwich::integral_of_y(as_linear);
+}
+
+// Of y, or of its integral where y may jump.
+double apart_in_y(const NonlinearResult& coarse, const NonlinearResult& fine) {
+  return coarse.continuous ? apart(coarse.y, fine.y) : apart(integral_of_y(coarse), integral_of_y(fine));
+}
+
 // Grids of J, 2J, 4J, ... steps until two differences, of which the second is smaller or both are a tenth of what is
 // wanted, say that the error is reached.
 NonlinearResult refine(const NonlinearScene& scene, const Scene& given, const std::vector<double>& breaks,
@@ -68,7 +82,7 @@ NonlinearResult refine(const NonlinearScene& scene, const Scene& given, const st
     if (fine.status == Status::interrupted || fine.status == Status::unsupported) return fine;
     const bool both = fine.status == Status::solved && coarse.status == Status::solved;
     std::optional<double> now;
-    if (both) now = std::max(apart(seen(coarse), seen(fine)), fine.continuous ? apart(coarse.y, fine.y) : 0);
+    if (both) now = std::max(apart(seen(coarse), seen(fine)), apart_in_y(coarse, fine));
     if (now && before) fine.error_estimate = error_of(*before, *now, options.error);
     if (fine.error_estimate && *fine.error_estimate <= options.error) return fine;
     failures = fine.status == Status::solved ? 0 : failures + 1;
@@ -90,15 +104,6 @@ NonlinearResult refine(const NonlinearScene& scene, const Scene& given, const st
   }
 }
 
-// The integral of y by the quadrature of the steps.
-RowMatrix integral_of_y(const NonlinearResult& r) {
-  Result as_linear;
-  as_linear.t = r.t;
-  as_linear.y = r.y;
-  as_linear.continuous = r.continuous;
-  return bromwich::integral_of_y(as_linear);
-}
-
 // The limits of core/solve/certification.cpp, where half the step confirms a linear scene.
 constexpr double most_mean_change = 0.1;      ///< of x and of the integral of y
 constexpr double most_typical_change = 0.05;  ///< of x at 95 of 100 time points
@@ -117,9 +122,8 @@ void compare_with_half_the_step(const NonlinearResult& fine, const std::string& 
     const RowMatrix coarse = integral_of_y(result), halved = integral_of_y(fine);
     x = change_when_halved(result.x, fine.x, J);
     y = change_when_halved(coarse, halved, J);
-    const double of_y = result.continuous ? apart(result.y, fine.y) : apart(coarse, halved);
     const double order = result.continuous ? 4.0 / 3 : 2;  // 2^p / (2^p - 1): of the coarser grid
-    result.error_estimate = order * std::max(apart(result.x, fine.x), of_y);
+    result.error_estimate = order * std::max(apart(result.x, fine.x), apart_in_y(result, fine));
   }
   if (!solved || !(std::max(x.mean, y.mean) <= most_mean_change) || !(x.typical <= most_typical_change)) {
     result.status = Status::tolerance_not_met;

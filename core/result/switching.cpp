@@ -79,7 +79,7 @@ std::vector<RelaySwitch> relay_switches(const Result& result, const std::vector<
   for (Index relay = 0; relay < relays; ++relay) {
     std::vector<Switch> own;
     for (const Switch& s : found)
-      if (s.component % relays == relay) own.push_back(s);
+      if (s.component < 2 * relays && s.component % relays == relay) own.push_back(s);
     // Without a switch y is positive at all times or never: any row says so, but y_0 may be undetermined.
     const auto before = [&](Index component) {
       for (const Switch& s : own)

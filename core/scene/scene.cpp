@@ -115,7 +115,7 @@ Matrix source_matrix(const Scene& scene, const DenseDynamics& d) {
 }
 
 void Scene::validate() const {
-  dynamics->validate(port != nullptr);
+  dynamics->validate(true);
   const Index m = states(), n = constraints();
   std::visit([n](const auto& matrix) { bromwich::validate(matrix, n); }, M);
   if (const auto reason = n > 0 ? contradiction(M, lcp_class) : std::nullopt)

@@ -36,6 +36,7 @@ from ._errors import (
 )
 from ._batch import BatchResult, solve_batch
 from ._backends import BackendInfo, backends, cuda_devices
+from ._mesh import Mesh
 from ._nonlinear import NonlinearResult, solve_nonlinear
 from ._parameters import ParameterDerivative
 from ._result import Result
@@ -64,6 +65,7 @@ __all__ = [
     "Interrupted",
     "Kronecker",
     "Margin",
+    "Mesh",
     "NonlinearResult",
     "NotSolved",
     "NotSolvedWarning",

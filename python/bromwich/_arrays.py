@@ -9,6 +9,7 @@ import numpy as np
 
 from . import _core
 from ._errors import Error
+from ._sparse import checked, is_sparse
 
 # Rows from which a dense M that is tridiagonal is kept as three diagonals.
 SMALLEST_TRIDIAGONAL = 17
@@ -33,11 +34,6 @@ class Tridiagonal:
             np.full(n, float(d)) if np.ndim(d) == 0 else vector(d, name)
             for d, name in ((lower, "M.lower"), (upper, "M.upper"))
         )
-
-
-def is_sparse(a: Any) -> bool:
-    """Whether it is a matrix or array of scipy.sparse. SciPy is not imported for this."""
-    return hasattr(a, "tocsc") and hasattr(a, "nnz")
 
 
 def number(value: Any, name: str) -> float:
@@ -160,13 +156,21 @@ def of_other_library(a: Any) -> bool:
 def matrix(a: Any, name: str, column: bool = False) -> np.ndarray:
     """Two dimensions; a number is 1 x 1, one dimension a row, or a column."""
     if is_sparse(a):
-        a = a.toarray()
+        a = checked(a, name).toarray()
     array = on_host(a, name)
     if array.ndim > 2:
         raise Error(f"{name}: has {array.ndim} dimensions; give two", name)
     if array.ndim == 1 and column:
         return array.reshape(-1, 1)
     return np.atleast_2d(array)
+
+
+def multiple(a: Any, size: int, name: str) -> np.ndarray:
+    """A square matrix; a number is that multiple of the identity."""
+    if is_sparse(a):
+        return matrix(a, name)
+    array = on_host(a, name)
+    return float(array) * np.eye(size) if array.ndim == 0 else matrix(array, name)
 
 
 def compressed(a: Any, name: str, column: bool = False) -> tuple:
@@ -178,27 +182,30 @@ def compressed(a: Any, name: str, column: bool = False) -> tuple:
         return (*dense.shape, dense[rows, cols], rows.astype(np.int32), starts.astype(np.int32))
     if a.ndim != 2:
         raise Error(f"{name}: has {a.ndim} dimensions; give two", name)
-    csc = a.tocsc(copy=True)
+    csc = checked(a, name).tocsc(copy=True)
     csc.sum_duplicates()
-    if csc.nnz > np.iinfo(np.int32).max:
-        raise Error(f"{name}: has {csc.nnz} entries; at most {np.iinfo(np.int32).max} are possible", name)
+    largest = np.iinfo(np.int32).max
+    if max(csc.nnz, *csc.shape) > largest:
+        raise Error(f"{name}: is {csc.shape[0]} x {csc.shape[1]} with {csc.nnz} entries; at most {largest} of each are possible", name)
     return (*csc.shape, on_host(csc.data, name), csc.indices.astype(np.int32), csc.indptr.astype(np.int32))
 
 
 def lcp_matrix(M: Any, n: int) -> np.ndarray | Tridiagonal | tuple:
-    """M as a dense, a tridiagonal or a compressed sparse matrix; None is zero."""
+    """M as a dense, a tridiagonal or a compressed sparse matrix; a number is that multiple of the identity, None zero."""
     if isinstance(M, Tridiagonal):
         return M
-    if M is None:
-        return np.zeros((n, n))
     if is_sparse(M):
+        M = checked(M, "M")
         coo = M.tocoo()
         if n >= SMALLEST_TRIDIAGONAL and M.shape == (n, n) and np.all(np.abs(coo.row - coo.col) <= 1):
             return _three(M.diagonal(-1), M.diagonal(0), M.diagonal(1))
         if n >= SMALLEST_SPARSE and M.shape == (n, n) and M.nnz < LARGEST_DENSITY * n * n:
             return compressed(M, "M")
         return matrix(M, "M")
-    dense = matrix(M, "M")
+    given = on_host(0.0 if M is None else M, "M")
+    if given.ndim == 0 and n >= SMALLEST_TRIDIAGONAL:
+        return Tridiagonal(0.0, np.full(n, float(given)), 0.0)
+    dense = multiple(given, n, "M")
     if n < SMALLEST_TRIDIAGONAL or dense.shape != (n, n) or np.any(np.triu(dense, 2)) or np.any(np.tril(dense, -2)):
         return dense
     return _three(np.diag(dense, -1), np.diag(dense), np.diag(dense, 1))

@@ -11,6 +11,7 @@ import numpy as np
 
 from . import _core
 from ._arrays import of_other_library, on_host
+from ._batch_output import BatchOutput
 from ._derivative import BatchDerivative
 from ._errors import Error, Interrupted, NotSolved, NotSolvedWarning
 from ._machine import wanted
@@ -18,7 +19,7 @@ from ._progress import reporting
 from ._ranks import DealtAnswer, Ranks, ranks_of
 from ._rows import Status
 from ._scene import Scene
-from ._solve import Check, Progress, _options, known
+from ._solve import Backend, Check, Method, Progress, _options, known
 from ._sources import source
 
 MATRICES = ("A", "B", "N", "M", "E")
@@ -26,7 +27,7 @@ MATRICES = ("A", "B", "N", "M", "E")
 AXES = {"A": 2, "B": 2, "N": 2, "M": 2, "E": 2, "x0": 1}
 
 
-class BatchResult:
+class BatchResult(BatchOutput):
     """What :func:`solve_batch` returns, for K scenes.
 
     Attributes:
@@ -35,13 +36,14 @@ class BatchResult:
         method: K words, the method that solved each scene.
         t: times of the rows: J+1 time points, or the ``times`` that were given.
         residual: K values, max over time of ||min(y, w)|| / max(1, ||N x + g||), maximum norms.
+        scene: the first scene, or that of the shared data, with names and units.
         infeasible_at: K times; NaN where there is none.
         in_lanes: scenes that were stepped side by side.
         backend, seconds: as in :class:`Result`.
     """
 
-    def __init__(self, answer: _core.BatchAnswer | DealtAnswer) -> None:
-        self._answer = answer
+    def __init__(self, answer: _core.BatchAnswer | DealtAnswer, scene: Scene) -> None:
+        self._answer, self.scene = answer, scene
         self.status = [Status(word) for word in answer.status]
         self.reason: list[str] = answer.reason
         self.warning: list[str] = answer.warning
@@ -101,14 +103,14 @@ def solve_batch(
     scenes: Scene | Sequence[Scene] | None = None,
     /,
     *,
-    backend: str = "auto",
+    backend: Backend = "auto",
     device: int | None = None,
     threads: int = 0,
     ranks: Any = None,
     progress: Progress | bool | None = None,
     stop: Callable[[], bool] | None = None,
     check: Check = "warn",
-    method: str = "auto",
+    method: Method = "auto",
     steps: int | None = None,
     tol: float | None = None,
     times: Any = None,
@@ -178,7 +180,7 @@ def solve_batch(
             return _core.solve_batch(*data, rows, options, on, report, stop)
 
     answer = own() if shared is None else DealtAnswer(shared.together(own), count or len(models), shared)
-    result = BatchResult(answer)
+    result = BatchResult(answer, first)
     if answer.by_keyboard:
         raise Interrupted("stopped on request", result)
     failed = int(np.sum(~result.ok))

@@ -52,7 +52,10 @@ class Dynamics:
         self.states = whole_number(states, "states")
         self.B, self.N = compressed(B, "B", column=True), compressed(N, "N")
         self.shifted, self.mass = shifted, mass
-        self.bound = None if bound is None else (number(bound[0], "bound"), number(bound[1], "bound"))
+        two = None if bound is None else vector(bound, "bound")
+        if two is not None and two.size != 2:
+            raise Error(f"bound: has {two.size} values; give two, (half_angle, abscissa)", "bound")
+        self.bound = None if two is None else (float(two[0]), float(two[1]))
 
 
 End = str | float

@@ -14,6 +14,7 @@ import numpy as np
 
 from . import _core, _hdf5
 from ._errors import Error
+from ._mesh import save_mesh
 from ._rows import Rows
 
 FORMAT = "bromwich-result/1"
@@ -22,7 +23,9 @@ HDF5 = (".h5", ".hdf5", ".nc")
 
 def save(result: Rows, path: str | os.PathLike[str]) -> None:
     """Writes a result; see :meth:`Rows.save`."""
-    name, extension = extension_of(path, (*HDF5, ".vtkhdf", ".npz", ".csv"))
+    name, extension = extension_of(path, (*HDF5, ".vtkhdf", ".vtu", ".pvd", ".npz", ".csv"))
+    if extension in (".vtu", ".pvd"):
+        return save_mesh(result, name)
     rows = _valid_rows(result)
     arrays = {"t": result.t[:rows]}
     for key in _hdf5.SECOND:
@@ -144,8 +147,8 @@ def _save_csv(result: Rows, name: str, arrays: dict[str, np.ndarray]) -> None:
 
 # Members of results that are attributes of their files. A nonlinear result does not have all of them.
 FACTS = (
-    "reason warning method backend kernel steps iterations residual kernel_error seconds error_estimate boundary_residual "
-    "infeasible_at"
+    "reason warning method backend kernel steps iterations residual kernel_error seconds error_estimate error_estimate_of "
+    "boundary_residual infeasible_at"
 ).split()
 FLAGS = ("continuous", "starts_with_impulse")
 
@@ -154,6 +157,7 @@ def attributes(result: Rows) -> dict[str, Any]:
     """The attributes of a result, as the command writes them."""
     facts: dict[str, Any] = {"format": FORMAT, "scene": result.scene.name, "status": str(result.status)}
     known = {name: getattr(result, name, None) for name in (*FACTS, *FLAGS)}
+    known["error_estimate_of"] = known["error_estimate_of"] or None
     facts |= {name: int(value) if name in FLAGS else value for name, value in known.items() if value is not None}
     facts["created"] = datetime.datetime.now(datetime.timezone.utc).strftime("%Y-%m-%dT%H:%M:%SZ")
     facts["bromwich_version"] = _core.version

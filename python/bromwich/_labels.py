@@ -40,6 +40,11 @@ def names_of(model: _core.Model, given: Any) -> dict[str, list[str]]:
     for name in taken:
         if not name or taken.count(name) > 1:
             raise Error(f"names: found {name!r} {taken.count(name)} times; give every component a name of its own", "names")
+    unnamed = {f"{key}{i}": key for key in sizes if key not in found for i in range(sizes[key])}
+    for name in taken:
+        if name == "t" or name in unnamed:
+            of = unnamed.get(name, "the time")
+            raise Error(f"names: {name!r} is the column of {of}; give another name, or name {of} too", "names")
     return {key: found.get(key, []) for key in sizes}
 
 

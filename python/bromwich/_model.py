@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
+
 from . import _core
-from ._arrays import Tridiagonal, compressed, filled, is_sparse, lcp_matrix, matrix, number, vector
+from ._arrays import Tridiagonal, compressed, filled, is_sparse, lcp_matrix, matrix, multiple, number, vector
 from ._dynamics import Dynamics, Kronecker
 from ._errors import Error
 
@@ -38,14 +40,18 @@ def set_dynamics(
             found = type(dynamics).__name__
             raise Error(f"dynamics: is a {found}; give bromwich.Dynamics or bromwich.Kronecker", "dynamics")
         return
+    without_constraints = B is None and N is None
     for name, value in (("A", A), ("B", B), ("N", N)):
-        if value is None:
-            raise Error(f"{name}: is missing; give A, B and N, or dynamics", name)
+        if value is None and not (without_constraints and name != "A"):
+            raise Error(f"{name}: is missing; give A, B and N, A alone for a scene without constraints, or dynamics", name)
+    m = np.shape(A)[0] if np.ndim(A) > 0 else 1
+    if without_constraints:
+        B, N = np.zeros((m, 0)), np.zeros((0, m))
     if is_sparse(A):
-        sparse_E = None if E is None else compressed(E, "E")
+        sparse_E = None if E is None else compressed(E if np.ndim(E) else multiple(E, m, "E"), "E")
         model.set_sparse(compressed(A, "A"), compressed(B, "B", column=True), compressed(N, "N"), sparse_E)
         return
-    dense_E = None if E is None else matrix(E, "E")
+    dense_E = None if E is None else multiple(E, m, "E")
     model.set_dense(matrix(A, "A"), matrix(B, "B", column=True), matrix(N, "N"), dense_E)
 
 
@@ -72,7 +78,8 @@ def set_conditions(model: _core.Model, x0: Any, E0: Any, ET: Any, b: Any) -> Non
             raise Error(f"{name}: is missing; give E0, ET and b, E0 x(0) + ET x(T) = b", name)
     if x0 is not None:
         raise Error("x0: is given with boundary values; give one of the two", "x0")
-    model.set_boundary(matrix(E0, "E0"), matrix(ET, "ET"), vector(b, "b"))
+    m = model.states
+    model.set_boundary(multiple(E0, m, "E0"), multiple(ET, m, "ET"), filled(b, m, "b"))
 
 
 def set_f_entry(model: _core.Model, F: Any) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -14,12 +14,13 @@ from ._errors import Error
 from ._machine import wanted
 from ._rows import Rows, Switch
 from ._scene import Scene
-from ._solve import Check, judged, known, stated
+from ._solve import Backend, Check, judged, known, stated
 from ._words import suggestion
 
 METHODS = ("auto", "march", "iteration", "newton", "pointwise")
 INNER = ("auto", "march", "contour", "multigrid")
 
+Method = Literal["auto", "march", "iteration", "newton", "pointwise"]
 Function = Callable[[float, np.ndarray, np.ndarray], Any]
 
 
@@ -85,7 +86,8 @@ class NonlinearResult(Rows):
         return NonlinearResult(self._answer.at(self._times(t)), self._scene)
 
     def __repr__(self) -> str:
-        words = [f"{self.status} by {self.method}", *([] if self.ok else [self.reason]), f"{self.steps} steps"]
+        words = [f"{self.status} by {self.method}", *([] if self.ok else [self.reason])]
+        words += [word for word in (self._estimate(), f"{self.steps} steps") if word]
         words += [f"warning: {self.warning}"] if self.warning else []
         return f"<bromwich.NonlinearResult {', '.join(words)}>"
 
@@ -98,14 +100,14 @@ def solve_nonlinear(
     gamma: Function | None = None,
     dphi: Function | str | None = None,
     dgamma: Function | str | None = None,
-    of: str = "state",
-    method: str = "auto",
-    inner: str = "auto",
+    of: Literal["state", "trace"] = "state",
+    method: Method = "auto",
+    inner: Literal["auto", "march", "contour", "multigrid"] = "auto",
     steps: int | None = None,
     tol: float | None = None,
     max_steps: int | None = None,
     iteration_tol: float | None = None,
-    backend: str = "auto",
+    backend: Backend = "auto",
     device: int | None = None,
     threads: int = 0,
     stop: Callable[[], bool] | None = None,
@@ -135,8 +137,8 @@ def solve_nonlinear(
         inner: the method of the linear solves of ``iteration`` and ``newton``: ``"march"``, ``"contour"``, ``"multigrid"``
             or ``"auto"``.
         steps: J; with ``tol`` of the first grid.
-        tol: halve the steps until the error of x, and of y where it is continuous, is estimated below tol times the
-            largest value of each component.
+        tol: halve the steps until the error of x and y, of the mean of y over [0, t] where it may jump, is estimated below tol
+            times the largest value of each component.
         max_steps: with ``tol``.
         iteration_tol: of the last change of Newton's and other iterations; None: 1e-12.
         backend, device, threads, stop, check: as :func:`solve` takes them.

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ._arrays import listed, whole
+from ._axes import label
 from ._result import require
 from ._rows import Rows
 
@@ -22,18 +23,27 @@ def plot(result: Rows, what: str, components: Iterable[int] | None, ax: Axes | N
     import matplotlib.pyplot as plt
 
     require(what in ("auto", "x", "y", "w"), "what", f"found {what!r}; use 'auto', 'x', 'y' or 'w'")
-    if what == "auto" and ax is None and components is None and result.x.shape[1] > 0:
-        figure, axes = plt.subplots(2, 1, sharex=True, layout="constrained")
-        _draw(result, "x", None, axes[0])
-        _draw(result, "y", None, axes[1])
-        axes[0].set_xlabel("")
-        _title(result, axes[0])
-        return axes
-    if ax is None:
-        _, ax = plt.subplots(layout="constrained")
-        _title(result, ax)
-    _draw(result, "y" if what == "auto" else what, components, ax)
-    return ax
+    if ax is not None:
+        _draw(result, "y" if what == "auto" else what, components, ax)
+        return ax
+    both = what == "auto" and components is None and result.x.shape[1] > 0
+    panels = [(kind, part) for kind in ("x", "y") for part in _of_one_unit(result, kind)] if both else [(what, components)]
+    figure, axes = plt.subplots(len(panels), 1, sharex=True, layout="constrained", squeeze=False)
+    figure.set_figheight(max(figure.get_figheight(), 1.9 * len(panels)))
+    for (kind, part), own in zip(panels, axes[:, 0]):
+        _draw(result, "y" if kind == "auto" else kind, part, own)
+    for own in axes[:-1, 0]:
+        own.set_xlabel("")
+    _title(result, axes[0, 0])
+    return axes[:, 0] if both else axes[0, 0]
+
+
+def _of_one_unit(result: Rows, what: str) -> list[list[int] | None]:
+    """The columns of x or y, those of one unit together; None: all."""
+    units = _units(result, what)
+    if len(set(units)) < 2 or len(units) > MOST_LINES:
+        return [None] if getattr(result, what).shape[1] > 0 else []
+    return [[i for i, unit in enumerate(units) if unit == one] for one in dict.fromkeys(units)]
 
 
 def _title(result: Rows, ax: Axes) -> None:
@@ -48,30 +58,39 @@ def _draw(result: Rows, what: str, components: Iterable[int] | None, ax: Axes) -
         values = np.concatenate([np.full_like(values[:1], np.nan), values[1:]])
     numbers = np.array(result.x_components if what == "x" else range(values.shape[1]), dtype=int)
     names = np.array(_names(result, what) or [f"${what}_{{{i}}}$" for i in numbers])
+    units = np.array(_units(result, what))
     if components is not None:
         columns = [whole(c, "components") for c in listed(components, "components")]
         for c in columns:
             require(-len(names) <= c < len(names), "components", f"found {c}; give columns from 0 to {len(names) - 1}")
-        values, numbers, names = values[:, columns], numbers[columns], names[columns]
-    ax.set_xlabel(_with_unit(result, "t", "t"))
+        values, numbers, names, units = values[:, columns], numbers[columns], names[columns], units[columns]
+    label(ax.xaxis, "t", result.units["t"], result.t)
     if len(names) > MOST_LINES:
         mesh = ax.pcolormesh(result.t, numbers, values.T, shading="nearest", rasterized=True)
-        ax.figure.colorbar(mesh, ax=ax, label=_with_unit(result, what, what))
+        bar = ax.figure.colorbar(mesh, ax=ax)
+        label(bar.ax.yaxis, what, units[0] if len(set(units)) == 1 else "", values)
         ax.set_ylabel("state" if what == "x" else "constraint")
         return
     drawstyle = "default" if what == "x" or result.continuous else "steps-pre"
-    for name, column in zip(names, values.T):
-        ax.plot(result.t, column, drawstyle=drawstyle, label=name)
-    alone = len(names) == 1 and bool(_names(result, what))
-    ax.set_ylabel(_with_unit(result, what, str(names[0]) if alone else what))
+    for name, unit, column in zip(names, units, values.T):
+        alone = len(set(units)) == 1
+        ax.plot(result.t, column, drawstyle=drawstyle, label=name if alone or not unit else f"{name} [{unit}]")
+    named = str(names[0]) if len(names) == 1 and _names(result, what) else what
+    label(ax.yaxis, named, units[0] if len(set(units)) == 1 else "", values)
     if len(names) > 1:
         ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
 
 
 def _names(result: Rows, what: str) -> list[str]:
+    if what == "w" and (names := getattr(result.scene, "names", {}).get("w")):
+        return names
     return result.state_names if what == "x" else result.constraint_names if what == "y" else []
 
 
-def _with_unit(result: Rows, what: str, label: str) -> str:
-    unit = result.units[what]
-    return f"{label} [{unit}]" if unit else label
+def _units(result: Rows, what: str) -> list[str]:
+    """One for each column."""
+    columns = getattr(result, what).shape[1]
+    of_scene = getattr(result.scene, "units", {}).get(what)
+    if of_scene:
+        return [of_scene[i] for i in result.x_components] if what == "x" else list(of_scene)
+    return [result.units[what]] * columns

@@ -60,7 +60,8 @@ class Result(Rows):
 
     @property
     def error_estimate(self) -> float | None:
-        """Relative error of y and the recorded x, with a tolerance or from method multigrid; None: not estimated."""
+        """Relative error of what :attr:`error_estimate_of` says, with a tolerance or from method multigrid; None: not
+        estimated."""
         return self._answer.error_estimate
 
     @property
@@ -105,8 +106,10 @@ class Result(Rows):
 
     @property
     def history(self) -> list[float]:
-        """Largest change of y in each sweep or cycle, relative to max(1, |y|)."""
-        return self._answer.history
+        """Largest change of y in each sweep or cycle, relative to max(1, |y|). With a tolerance and a method without sweeps:
+        the estimated error of each grid, NaN where it could not be estimated; ``errors["grids"]`` are their steps."""
+        found = self._answer.history
+        return found if found or not self.errors else list(self.errors["estimates"])
 
     @property
     def starts_with_impulse(self) -> bool:
@@ -238,9 +241,7 @@ class Result(Rows):
     def _words(self) -> list[str]:
         words = [f"{self.status} by {self.method}"]
         if self.ok:
-            estimate = self.error_estimate
-            words.append(f"residual {self.residual:.1e}")
-            words.append("error not estimated (give tol)" if estimate is None else f"error estimate {estimate:.1e}")
+            words += [f"residual {self.residual:.1e}", self._estimate() or "error not estimated (give tol)"]
         else:
             words.append(self.reason)
         words.append(f"{self.steps} steps")

@@ -11,6 +11,7 @@ import numpy as np
 
 from ._arrays import on_host
 from ._errors import Error
+from ._measures import integral, largest, span_of
 
 if TYPE_CHECKING:
     import xarray
@@ -113,6 +114,17 @@ class Rows:
         return self._answer.continuous
 
     @property
+    def error_estimate(self) -> float | None:
+        """Relative error of what :attr:`error_estimate_of` says; None: not estimated."""
+        return self._answer.error_estimate
+
+    @property
+    def error_estimate_of(self) -> str:
+        """What :attr:`error_estimate` is the error of: "y and x", or "the mean of y over [0, t]" where y may jump; empty
+        without an estimate."""
+        return self._answer.error_estimate_of
+
+    @property
     def ok(self) -> bool:
         """Whether the status is ``solved``."""
         return self.status == "solved"
@@ -175,7 +187,8 @@ class Rows:
         Args:
             path: ends in ``.h5`` (HDF5, needs h5py; ``xarray.open_dataset(path, engine="h5netcdf")`` opens it), in
                 ``.npz`` (NumPy), in ``.csv`` (t, y and x), or, for scenes on a rectangle, in ``.vtkhdf`` (ParaView and VTK,
-                needs h5py). :func:`bromwich.load` reads all of them.
+                needs h5py). For scenes with a mesh, in ``.vtu`` (the last row, meshio) or ``.pvd`` (all rows, in a folder beside
+                it). :func:`bromwich.load` reads the others.
 
         Raises:
             Error: for another extension, or without h5py.
@@ -183,6 +196,34 @@ class Rows:
         from ._io import save
 
         save(self, path)
+
+    def mean(self, name: str, start: float | None = None, end: float | None = None) -> float:
+        """The mean of a component over [start, end], by quadrature of high order between rows, switches and breakpoints (:meth:`at`).
+
+        Args:
+            name: of the component, or ``"x0"``, ``"y0"``, ``"w0"``.
+            start, end: None: those of the result. The last period of a scene: ``start=r.scene.T - period``.
+        """
+        span = span_of(self, name, start, end)
+        return integral(self, span, 1) / (span.end - span.start)
+
+    def rms(self, name: str, start: float | None = None, end: float | None = None) -> float:
+        """The root of the mean square, as :meth:`mean`."""
+        span = span_of(self, name, start, end)
+        return float(np.sqrt(integral(self, span, 2) / (span.end - span.start)))
+
+    def max(self, name: str, start: float | None = None, end: float | None = None) -> float:
+        """The largest value over [start, end], also between rows; at a jump those of both sides count."""
+        return largest(self, span_of(self, name, start, end), 1)
+
+    def min(self, name: str, start: float | None = None, end: float | None = None) -> float:
+        """The least value, as :meth:`max`."""
+        return largest(self, span_of(self, name, start, end), -1)
+
+    def ripple(self, name: str, start: float | None = None, end: float | None = None) -> float:
+        """:meth:`max` less :meth:`min`: peak to peak."""
+        span = span_of(self, name, start, end)
+        return largest(self, span, 1) - largest(self, span, -1)
 
     def _provenance(self) -> dict[str, Any]:
         """What a file says besides of the scene and of how it was solved."""
@@ -204,3 +245,10 @@ class Rows:
         from ._io import attributes
 
         return attributes(self)
+
+    def _estimate(self) -> str:
+        """The estimate and what it is of, in words; empty without one."""
+        if self.error_estimate is None:
+            return ""
+        of = self.error_estimate_of
+        return f"error estimate {self.error_estimate:.1e}" + (f" of {of}" if of else "")

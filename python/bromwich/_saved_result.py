@@ -133,7 +133,7 @@ class SavedResult(Result):
         words = [f"{self.status}" + (f" by {self.method}" if self.method else "")]
         words += [self.reason] if self.reason else []
         words += [f"residual {self.residual:.1e}"] if math.isfinite(self.residual) else []
-        words += [f"error estimate {self.error_estimate:.1e}"] if self.error_estimate is not None else []
+        words += [estimate] if (estimate := self._estimate()) else []
         words.append(f"{len(self.t)} rows" + (f" up to t = {self.t[-1]:g}" if len(self.t) else ""))
         words += [f"warning: {self.warning}"] if self.warning else []
         return words
@@ -172,6 +172,7 @@ class _Answer:
         "residual": math.nan,
         "kernel_error": math.nan,
         "error_estimate": None,
+        "error_estimate_of": "",
         "boundary_residual": None,
         "infeasible_at": None,
         "continuous": True,

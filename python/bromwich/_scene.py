@@ -11,10 +11,12 @@ from typing import Any
 import numpy as np
 
 from . import _core
-from ._arrays import listed, matrix, number, vector, whole, whole_number, word
+from ._arrays import listed, matrix, multiple, number, vector, whole, whole_number, word
 from ._dynamics import Dynamics, Kronecker
 from ._errors import Error
 from ._labels import names_of, units_of
+from ._matrices import matrices
+from ._mesh import Mesh
 from ._model import parameters_of, set_conditions, set_dynamics, set_f_entry, set_lcp
 from ._sources import on_this_host, restored, source, steps_of
 from ._words import suggestion
@@ -47,6 +49,7 @@ class Scene:
         name: for messages.
         names: of components, ``{"x": ["v", "i"], "y": ["i_D"]}``: m for x, n for y and for w. ``states=`` takes them;
             results, pictures and files have them.
+        mesh: :class:`Mesh`, of which the states are values at points.
         units: likewise, one for each component or one text for all, and ``"t"``: ``{"t": "s", "x": ["V", "A"]}``.
 
     Sources are given as
@@ -91,6 +94,7 @@ class Scene:
         name: str = "",
         names: Mapping[str, Iterable[str]] | None = None,
         units: Mapping[str, str | Iterable[str]] | None = None,
+        mesh: Mesh | None = None,
     ) -> None:
         if T is None:
             raise Error("T: is missing; give the final time", "T")
@@ -115,7 +119,9 @@ class Scene:
         model.steps = whole_number(steps, "steps") if steps is not None else max(tables) or 400
         model.set_sources(*parts, sorted(number(t, "breakpoints") for t in listed(breakpoints, "breakpoints")))
         model.validate()
-        self._facts: dict[str, Any] = {"names": names_of(model, names), "units": units_of(model, units)}
+        if mesh is not None:
+            mesh.check(model.states, model.constraints)
+        self._facts: dict[str, Any] = {"names": names_of(model, names), "units": units_of(model, units), "mesh": mesh}
         self._recipe: tuple | None = None
 
     def _sources(self, f: Any, g: Any) -> tuple[_core.Source | None, _core.Source | None]:
@@ -185,27 +191,39 @@ class Scene:
         T: float,
         f: Any = None,
         e: Any = None,
+        bound: Any = None,
+        N: Any = None,
+        M: Any = None,
+        g: Any = None,
         parameters: Mapping[str, float] | None = None,
         steps: int = 400,
         name: str = "",
         names: Mapping[str, Iterable[str]] | None = None,
         units: Mapping[str, str | Iterable[str]] | None = None,
     ) -> Scene:
-        """Relays: ``x' = A x + B l + f(t)``, ``l_i`` in ``-Sgn(C_i x + e_i(t))`` between -1 and 1, for k outputs.
+        """Relays: ``x' = A x + B l + f(t)``, ``l_i`` in ``-b_i(t) Sgn(C_i x + e_i(t))`` between -b_i and b_i, for k outputs.
 
-        A is m x m, B m x k, C k x m; f has m values, e has k. As a complementarity problem y has 2k components, ``l = 1 - 2 y[:, :k]``.
+        A is m x m, B m x k, C k x m; f has m values, e has k, and bound, b >= 0, has k; None: 1. As a complementarity problem
+        y has 2k components, ``l = b - 2 y[:, :k]``. With N (n x m), M (n x n) and g there are n constraints ``0 <= y  ⊥  w = N x + M y
+        + g`` beside the relays: y has 2k + n components, and B k + n columns.
         The other arguments are those of :class:`Scene`.
         """
         A, B, C = matrix(A, "A"), matrix(B, "B", column=True), matrix(C, "C")
+        N = np.zeros((0, A.shape[0])) if N is None else matrix(N, "N")
+        n, x0 = N.shape[0], vector(x0, "x0")
+        M = multiple(0.0 if M is None else M, n, "M")
         T, steps = number(T, "T"), whole_number(steps, "steps")
-        values, f, e = parameters_of(parameters), on_this_host(f, "f"), on_this_host(e, "e")
-        sources = source(f, "f", A.shape[0], T, values), source(e, "e", C.shape[0], T, values)
-        model = _core.relay(A, B, C, sources[0], vector(x0, "x0"), sources[1])
+        values, given_sources = parameters_of(parameters), {"f": f, "e": e, "bound": bound, "g": g}
+        given_sources = {key: on_this_host(one, key) for key, one in given_sources.items()}
+        widths = {"f": A.shape[0], "e": C.shape[0], "bound": C.shape[0], "g": n}
+        sources = {key: source(one, key, widths[key], T, values) for key, one in given_sources.items()}
+        model = _core.relay(A, B, C, x0, N, M, **sources)
         model.name, model.T, model.steps = word(name, "name"), T, steps
         model.validate()
         facts = {"names": names_of(model, names), "units": units_of(model, units)}
-        given = dict(A=A.copy(), B=B.copy(), C=C.copy(), x0=vector(x0, "x0").copy(), T=T, f=f, e=e, parameters=values)
-        given |= {"steps": steps, "name": name, "names": names, "units": units}
+        given = {key: one.copy() for key, one in {"A": A, "B": B, "C": C, "x0": x0, "M": M, "N": N}.items()}
+        given |= {"T": T, "parameters": values}
+        given |= given_sources | {"steps": steps, "name": name, "names": names, "units": units}
         return cls._of(model, values, facts, ("relay", (), given))
 
     @property
@@ -238,6 +256,37 @@ class Scene:
         return np.array(self._model.x0())
 
     @property
+    def A(self) -> Any:
+        """m x m, a copy: NumPy, or SciPy's CSC where it is stored sparse. None for callbacks and Kronecker sums, whose A is
+        not formed."""
+        return matrices(self._model)["A"]
+
+    @property
+    def B(self) -> Any:
+        """m x n, as :attr:`A`; of callbacks too."""
+        return matrices(self._model)["B"]
+
+    @property
+    def N(self) -> Any:
+        """n x m, as :attr:`B`."""
+        return matrices(self._model)["N"]
+
+    @property
+    def M(self) -> Any:
+        """n x n, a copy: NumPy, or SciPy's CSC where it is stored sparse."""
+        return matrices(self._model)["M"]
+
+    @property
+    def E(self) -> Any:
+        """m x m, as :attr:`A`; None: the identity, or a mass by callbacks."""
+        return matrices(self._model)["E"]
+
+    @property
+    def F(self) -> Any:
+        """m x k, SciPy's CSC; None where f enters without a matrix, or by B."""
+        return matrices(self._model)["F"]
+
+    @property
     def breakpoints(self) -> list[float]:
         """Times at which f or g may jump or have a kink, as far as they are known before a solve."""
         return self._model.breakpoints
@@ -257,6 +306,11 @@ class Scene:
         """Units of the components under x, y and w, and the unit of time, a list of one text, under t."""
         of_file = {"t": [self._model.time_unit] if self._model.time_unit else [], **self._model.units}
         return dict(self._facts.get("units") or of_file)
+
+    @property
+    def mesh(self) -> Mesh | None:
+        """The mesh that was given."""
+        return self._facts.get("mesh")
 
     @property
     def description(self) -> str:

@@ -39,6 +39,8 @@ NUMBERS: dict[str, tuple[str, Callable[[Any, str], float]]] = {
 OPTIONS = frozenset({"method", "states", "event_location", "confirm", *NUMBERS})
 
 Check = bool | Literal["warn"]
+Method = Literal["auto", "march", "contour", "multigrid", "dual", "euler", "events", "galerkin", "goal", "contour-literal"]
+Backend = Literal["auto", "cpu", "cuda"]
 Progress = Callable[[int, int, float], object]
 
 
@@ -46,14 +48,14 @@ def solve(
     scene: Scene | None = None,
     /,
     *,
-    backend: str = "auto",
+    backend: Backend = "auto",
     device: int | None = None,
     threads: int = 0,
     ranks: Any = None,
     progress: Progress | bool | None = None,
     stop: Callable[[], bool] | None = None,
     check: Check = "warn",
-    method: str = "auto",
+    method: Method = "auto",
     steps: int | None = None,
     tol: float | None = None,
     tol_x: float | None = None,
@@ -92,7 +94,7 @@ def solve(
             ``"shooting"``, ``"galerkin"``, ``"goal"`` or ``"contour-literal"``.
         steps: time steps J, with a tolerance those of the first grid; None: the scene's.
         tol: refine the grid until the error of every component of y, and of the states that are recorded, is estimated
-            below tol times its largest value; None: one grid.
+            below tol times its largest value; where y may jump, of its mean over [0, t] (``error_estimate_of``). None: one grid.
         tol_x, tol_y: the same for one kind; alone: the other one is not controlled.
         atol: error allowed besides, in the units of the scene.
         max_steps, max_seconds: where a tolerance ends refining.
@@ -177,7 +179,7 @@ class Solver:
         self,
         scene: Scene,
         *,
-        backend: str = "auto",
+        backend: Backend = "auto",
         device: int | None = None,
         threads: int = 0,
         ranks: Any = None,
@@ -239,7 +241,7 @@ def known(arguments: dict[str, Any], function: Callable) -> None:
 def _options(
     scene: Scene,
     *,
-    method: str = "auto",
+    method: Method = "auto",
     states: str | Iterable[int | str] | None = "auto",
     event_location: bool = False,
     confirm: bool = True,

@@ -73,6 +73,7 @@ def _table(times: np.ndarray, values: np.ndarray, name: str, width: int, T: floa
         values = values.reshape(-1, 1)
     pair = f", or times of your own in a tuple, {name}=(times, values)" if not kinks and len(values) == 2 else ""
     _require(values.shape[1] == width, name, f"has {values.shape[1]} columns", f"give {width}{pair}")
+    _require(bool(np.all(np.isfinite(times))), name, "has times that are not finite", "give finite ones")
     _require(bool(np.all(np.diff(times) >= 0)), name, "has times that decrease", "sort them")
     _require(
         times[0] <= 0 and times[-1] >= T, name, f"has times from {times[0]:g} to {times[-1]:g}", f"cover 0 to {T:g}"

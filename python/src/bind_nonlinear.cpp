@@ -187,6 +187,7 @@ void bind_nonlinear(nb::module_& m) {
       .def_prop_ro("residual", [](const NonlinearAnswer& a) { return a.result.residual; })
       .def_prop_ro("defect", [](const NonlinearAnswer& a) { return a.result.defect; })
       .def_prop_ro("error_estimate", [](const NonlinearAnswer& a) { return a.result.error_estimate; })
+      .def_prop_ro("error_estimate_of", [](const NonlinearAnswer& a) { return estimated_quantity(a.result); })
       .def_prop_ro("newton", [](const NonlinearAnswer& a) { return a.result.newton; })
       .def_prop_ro("solves", [](const NonlinearAnswer& a) { return a.result.solves; })
       .def_prop_ro("windows", [](const NonlinearAnswer& a) { return a.result.windows; })

@@ -4,6 +4,7 @@
 #include "arrays.hpp"
 #include "calls.hpp"
 #include "core/base/error.hpp"
+#include "core/result/estimated_quantity.hpp"
 #include "core/result/slack.hpp"
 #include "core/result/switching.hpp"
 #include "core/solve/dense_output.hpp"
@@ -159,6 +160,7 @@ void bind_results(nb::module_& m) {
       .def_prop_ro("boundary_residual", value_of<&Result::boundary_residual>())
       .def_prop_ro("multipliers", value_of<&Result::multipliers>())
       .def_prop_ro("error_estimate", value_of<&Result::error_estimate>())
+      .def_prop_ro("error_estimate_of", [](const Answer& a) { return estimated_quantity(a.result); })
       .def_prop_ro("errors", &errors_of)
       .def_prop_ro("kernel_error", value_of<&Result::kernel_error>())
       .def_prop_ro("infeasible_at", value_of<&Result::infeasible_at>())

@@ -300,21 +300,30 @@ void bind_scenes(nb::module_& m) {
   bind_facts(bound);
   m.def(
       "relay",
-      [](const Array2& A, const Array2& B, const Array2& C, const Source* f, const Array1& x0, const Source* e) {
+      [](const Array2& A, const Array2& B, const Array2& C, const Array1& x0, const Array2& N, const Array2& M,
+         const Source* f, const Source* e, const Source* limit, const Source* g) {
         const auto function = [](const Source* s) { return s ? s->function : TimeFunction(); };
-        auto model = std::make_shared<Model>(
-            relay_scene(as_matrix(A), as_matrix(B), as_matrix(C), function(f), as_vector(x0), function(e)));
-        model->scene.breakpoints =
-            merged(f ? f->breakpoints : std::vector<double>{}, e ? e->breakpoints : std::vector<double>{});
-        model->scene.breakpoints_are_all = (!f || f->breakpoints_are_all) && (!e || e->breakpoints_are_all);
-        for (const Source* source : {f, e}) {
+        const Index n = Index(N.shape(0));
+        const Matrix all = as_matrix(B);
+        if (n > all.cols())
+          throw Error("B", "has " + std::to_string(all.cols()) + " columns",
+                      "give one for each relay and each row of N");
+        Scene scene = relay_scene(as_matrix(A), all.leftCols(all.cols() - n), as_matrix(C), function(f), as_vector(x0),
+                                  function(e), function(limit));
+        if (n > 0) scene = with_pairs(std::move(scene), all.rightCols(n), as_matrix(N), as_matrix(M), function(g));
+        auto model = std::make_shared<Model>(std::move(scene));
+        model->scene.breakpoints_are_all = true;
+        for (const Source* source : {f, e, limit, g}) {
           if (!source) continue;
+          model->scene.breakpoints = merged(model->scene.breakpoints, source->breakpoints);
+          model->scene.breakpoints_are_all = model->scene.breakpoints_are_all && source->breakpoints_are_all;
           keep(*model, source->callables);
           if (source->forget) model->forget.push_back(source->forget);
         }
         return model;
       },
-      nb::arg("A"), nb::arg("B"), nb::arg("C"), nb::arg("f").none(), nb::arg("x0"), nb::arg("e").none());
+      nb::arg("A"), nb::arg("B"), nb::arg("C"), nb::arg("x0"), nb::arg("N"), nb::arg("M"), nb::arg("f").none(),
+      nb::arg("e").none(), nb::arg("bound").none(), nb::arg("g").none());
   m.def("read_scene", &read_scene, nb::arg("file"), nb::arg("settings"));
   m.def(
       "build_scene",

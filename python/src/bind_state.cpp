@@ -213,7 +213,6 @@ std::shared_ptr<Answer> answer_from(std::shared_ptr<const Model> model, const nb
 
 /// Rows, columns, values, row indices and starts of columns, as bind_scenes.cpp reads them.
 nb::object compressed(SparseMatrix matrix) {
-  if (matrix.size() == 0) return nb::none();
   matrix.makeCompressed();
   using Values = Eigen::Matrix<SparseMatrix::StorageIndex, Eigen::Dynamic, 1>;
   const Vector values = Eigen::Map<const Vector>(matrix.valuePtr(), matrix.nonZeros());
@@ -222,19 +221,23 @@ nb::object compressed(SparseMatrix matrix) {
   return nb::make_tuple(matrix.rows(), matrix.cols(), values, rows, starts);
 }
 
-/// In rows, as the setters take them.
-nb::object array(const Matrix& matrix) {
-  return matrix.size() == 0 ? nb::object(nb::none()) : nb::cast(RowMatrix(matrix), nb::rv_policy::copy);
+nb::object compressed_or_none(const SparseMatrix& matrix) {
+  return matrix.size() == 0 ? nb::object(nb::none()) : compressed(matrix);
 }
+
+/// In rows, as the setters take them.
+nb::object array(const Matrix& matrix) { return nb::cast(RowMatrix(matrix), nb::rv_policy::copy); }
+
+nb::object array_or_none(const Matrix& matrix) { return matrix.size() == 0 ? nb::object(nb::none()) : array(matrix); }
 
 nb::object callable(const Kept& kept) { return kept ? kept.get() : nb::none(); }
 
 nb::tuple dynamics_of(const Model& model) {
   const Dynamics& dynamics = model.scene.dynamics;
   if (const auto* d = get_if<DenseDynamics>(&dynamics))
-    return nb::make_tuple("set_dense", array(d->A), array(d->B), array(d->N), array(d->E));
+    return nb::make_tuple("set_dense", array(d->A), array(d->B), array(d->N), array_or_none(d->E));
   if (const auto* d = get_if<SparseDynamics>(&dynamics))
-    return nb::make_tuple("set_sparse", compressed(d->A), compressed(d->B), compressed(d->N), compressed(d->E));
+    return nb::make_tuple("set_sparse", compressed(d->A), compressed(d->B), compressed(d->N), compressed_or_none(d->E));
   if (const auto* d = get_if<KroneckerDynamics>(&dynamics)) {
     const auto difference = [](const SecondDifference& s) {
       return nb::make_tuple(s.points, s.spacing, s.diffusivity, s.first, s.last, s.decay);
@@ -268,7 +271,7 @@ nb::dict state_of(const Model& model) {
   d["M"] = lcp_matrix_of(scene);
   d["lcp_class"] = to_string(lcp_class_named(to_string(scene.lcp_class)).value_or(LcpClass::automatic));
   d["free_rows"] = scene.free_rows;
-  d["f_entry"] = nb::make_tuple(entries[int(scene.f_entry)], compressed(scene.F));
+  d["f_entry"] = nb::make_tuple(entries[int(scene.f_entry)], compressed_or_none(scene.F));
   d["x0"] = scene.x0;
   if (scene.boundary)
     d["boundary"] = nb::make_tuple(RowMatrix(scene.boundary->E0), RowMatrix(scene.boundary->ET), scene.boundary->b);

@@ -73,3 +73,49 @@ def test_a_stopped_batch_has_rows_on_request():
 def test_bad_input(bad, message):
     with pytest.raises(bromwich.Error, match=message):
         bromwich.solve_batch(**{**ONE, **bad})
+
+
+def falling(**more):
+    """x = x0 - t until the stop at 0, where y jumps to 1: for three starts."""
+    names, units = {"x": ["v"], "y": ["force"]}, {"t": "s", "x": "m", "y": "N"}
+    given = dict(A=[[0.0]], B=[[1.0]], N=[[1.0]], M=[[0.0]], f=[-1.0], T=1e-3 * 2000, steps=200, names=names, units=units)
+    return bromwich.solve_batch(**given, x0=[[0.5], [1.0], [3.0]], states="all", **more)
+
+
+def test_measures_switches_and_names():
+    r = falling()
+    assert r.state_names == ["v"] and r.constraint_names == ["force"]
+    starts = np.array([0.5, 1.0, 3.0])
+    # Rows are 0.01 apart and contain the stop: a line between them errs by h at most where x has its kink.
+    np.testing.assert_allclose(r.mean("v"), [0.5**2 / 4, 1 / 4, 2], atol=0.01 * 0.01)
+    np.testing.assert_allclose(r.rms("v", 0, 0.5), [np.sqrt((b**3 - a**3) / 1.5) for a, b in zip(starts - 0.5, starts)], atol=1e-3)
+    np.testing.assert_allclose(r.ripple("v"), [0.5, 1.0, 2.0], atol=1e-12)
+    np.testing.assert_allclose(r.max("force"), [1, 1, 0], atol=1e-9)
+    found = r.switches
+    assert [len(one) for one in found] == [1, 1, 0]
+    for one, start in zip(found[:2], starts):
+        assert abs(one[0].t - start) <= one[0].error + 1e-12 <= 0.011 and one[0].on
+    with pytest.raises(bromwich.Error, match="name: found 'w'"):
+        r.mean("w")
+
+
+def test_files_data_sets_and_pictures(tmp_path):
+    r = falling()
+    r.save(tmp_path / "r.npz")
+    with np.load(tmp_path / "r.npz") as read:
+        np.testing.assert_array_equal(read["y"], r.y)
+        assert read["status"].tolist() == ["solved"] * 3 and read["state_name"].tolist() == ["v"]
+    with pytest.raises(bromwich.Error, match="path"):
+        r.save(tmp_path / "r.csv")
+    xarray = pytest.importorskip("xarray")
+    dataset = r.to_xarray()
+    assert dataset["x"].dims == ("scene", "t", "state") and dataset["x"].attrs["units"] == "m"
+    pytest.importorskip("h5netcdf")
+    r.save(tmp_path / "r.nc")
+    with xarray.open_dataset(tmp_path / "r.nc", engine="h5netcdf") as read:
+        np.testing.assert_array_equal(read["x"], r.x)
+    pytest.importorskip("matplotlib").use("Agg")
+    axes = r.plot("v")
+    assert len(axes.lines) == 3 and axes.get_ylabel() == "v [m]" and axes.get_xlabel() == "t [s]"
+    many = bromwich.solve_batch(A=[[-1.0]], B=[[1.0]], N=[[1.0]], M=[[1.0]], x0=np.ones((20, 1)), T=1, steps=10)
+    assert many.plot("x0").collections[0].get_array().shape == (20, 11)

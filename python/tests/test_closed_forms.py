@@ -85,3 +85,35 @@ def test_relay_with_an_offset_follows_it():
     r = bromwich.solve(scene)
     np.testing.assert_allclose(r.x[:, 0], r.t / 2, atol=1e-12)
     np.testing.assert_allclose(1 - 2 * r.y[1:, 0], 0.5, atol=1e-11)
+
+
+def test_relay_with_a_bound_in_time_beside_a_stop():
+    """x1' in -(1 + t) Sgn(x1) from 1 is 0 from t + t^2/2 = 1 on; x2' = -1 + y, 0 <= y ⊥ x2 >= 0, from 1/2 rests from t = 1/2 on."""
+    scene = bromwich.Scene.relay(
+        A=np.zeros((2, 2)), B=np.eye(2), C=[[1.0, 0.0]], x0=[1.0, 0.5], T=1, f=[0.0, -1.0], bound="1 + t", N=[[0.0, 1.0]], steps=50
+    )
+    r = bromwich.solve(scene, method="events", tol=1e-8, states="all")
+    assert r.ok and r.y.shape[1] == 3
+    np.testing.assert_allclose(r.x[:, 0], np.maximum(1 - r.t - r.t**2 / 2, 0), atol=1e-8)
+    np.testing.assert_allclose(r.x[:, 1], np.maximum(0.5 - r.t, 0), atol=1e-8)
+    assert (1 + r.t - 2 * r.y[:, 0])[[1, -1]] == pytest.approx([-1 - r.t[1], 0], abs=1e-7)
+    assert sorted({round(s.t, 6) for s in r.switches}) == [0.5, round(np.sqrt(3) - 1, 6)]
+
+
+def test_no_constraints():
+    # x' = -2 x + 1
+    r = bromwich.solve(A=-2.0, f=1.0, x0=3.0, T=1, steps=10, states="all")
+    assert r.ok and r.y.shape == (11, 0)
+    np.testing.assert_allclose(r.x[:, 0], 0.5 + 2.5 * np.exp(-2 * r.t), rtol=1e-12)
+
+
+@pytest.mark.parametrize("M, n", [(0.0, 40), (2.0, 40), (2.0, 3), (np.float64(0.5), 1)])
+def test_a_number_is_a_multiple_of_the_identity(M, n):
+    given = dict(A=-np.eye(n), B=np.eye(n), N=np.eye(n), x0=0.0, T=1.0, g=-1.0, steps=20)
+    found, expected = bromwich.solve(**given, M=M), bromwich.solve(**given, M=M * np.eye(n))
+    np.testing.assert_allclose(found.y, expected.y, rtol=0, atol=1e-13)
+    periodic = dict(A=-np.eye(n), B=np.eye(n), N=np.eye(n), M=np.eye(n), T=1.0, g="-sin(2*pi*t)", steps=20)
+    periodic["g"] = [periodic["g"]] * n
+    found = bromwich.solve(**periodic, E0=1, ET=-1, b=0, states="all")
+    expected = bromwich.solve(**periodic, E0=np.eye(n), ET=-np.eye(n), b=np.zeros(n), states="all")
+    np.testing.assert_allclose(found.x, expected.x, rtol=0, atol=1e-13)

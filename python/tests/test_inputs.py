@@ -384,3 +384,24 @@ def test_functions_return_arrays_of_other_shapes(diode):
     expected = bromwich.solve(**diode, g=-1.0, steps=20)
     for g in (lambda t: -1, lambda t: [-1], lambda t: np.array([[-1.0]]), lambda t: np.full(np.shape(t), -1)):
         same(bromwich.solve(**diode, g=g, steps=20), expected)
+
+
+def test_matrices_of_a_scene():
+    """What was given can be read again, and the copies change nothing."""
+    rng = np.random.default_rng(3)
+    A, B, N, E, F = -np.eye(4) + 0.1 * rng.random((4, 4)), rng.random((4, 2)), rng.random((2, 4)), 2 * np.eye(4), rng.random((4, 3))
+    scene = bromwich.Scene(A=A, B=B, N=N, M=[[2.0, 1], [0, 2]], E=E, F=F, f=np.ones(3), x0=0.0, T=1)
+    for name, given in {"A": A, "B": B, "N": N, "M": [[2, 1], [0, 2]], "E": E}.items():
+        np.testing.assert_array_equal(getattr(scene, name), given)
+    np.testing.assert_array_equal(scene.F.toarray(), F)
+    scene.A[:] = 0
+    np.testing.assert_array_equal(scene.A, A)
+    sparse = bromwich.Scene(A=scipy.sparse.csr_array(A), B=B, N=N, M=1.0, x0=0.0, T=1)
+    assert scipy.sparse.issparse(sparse.A) and sparse.E is None and sparse.F is None
+    np.testing.assert_array_equal(sparse.A.toarray(), A)
+    np.testing.assert_array_equal(sparse.M, np.eye(2))
+    three = bromwich.Scene(A=-np.eye(20), B=np.eye(20), N=np.eye(20), M=bromwich.Tridiagonal(-1, np.full(20, 4.0), -2), x0=0, T=1)
+    np.testing.assert_array_equal(three.M, 4 * np.eye(20) - np.eye(20, k=-1) - 2 * np.eye(20, k=1))
+    assert bromwich.scene("signorini", Q=9).A is None
+    toy = bromwich.scene("dlcp-small")
+    assert toy.A.shape == (3, 3) and toy.M.shape == (4, 4)

@@ -147,7 +147,7 @@ def test_a_result_is_saved_and_drawn_like_a_linear_one(tmp_path):
         np.testing.assert_array_equal(getattr(again, key), getattr(r, key))
     assert again.ok and again.state_names == ["q", "v"] and again.attributes["method"] == "march"
     assert r.constraint_names == ["force"] and r.units["y"] == "N"
-    assert r.seconds > 0 and r.steps == 60 and "solved by march, 60 steps" in repr(r)
+    assert r.seconds > 0 and r.steps == 60 and "solved by march, error estimate" in repr(r) and " of y and x, 60 steps" in repr(r)
     part = r.at([0.1, 0.2])
     part.save(tmp_path / "part.csv")
     np.testing.assert_allclose(bromwich.load(tmp_path / "part.csv").x, part.x)
@@ -224,3 +224,21 @@ def test_doubtful_steps_are_named():
     with pytest.warns(bromwich.NotSolvedWarning, match="more steps"):
         coarse = bromwich.solve_nonlinear(**stiff, phi=spring, steps=30)
     assert coarse.status == "tolerance_not_met" and coarse.error_estimate > 0.01
+
+
+@pytest.mark.parametrize("saturation", [1e-3, 1e-6, 1e-9, 1e-12, 1e-14])
+@pytest.mark.parametrize("derivative", [True, False])
+@pytest.mark.parametrize("voltage", [0.025, 0.05])
+def test_a_rectifier_with_the_law_of_a_diode(saturation, derivative, voltage):
+    """y is found where w = v - e + r y + V ln(1 + y / I) = 0, from currents of 1e-14 A on, at default steps."""
+    r = 1.0
+    scene = bromwich.Scene(A=-10.0, B=1e3, N=1, M=r, g="-10*sin(100*pi*t)", x0=0, T=0.04)
+    law = lambda t, x, y: voltage * np.log1p(np.maximum(y, 0) / saturation)
+    slope = lambda t, x, y: (np.zeros((1, 1)), np.diag(voltage / (saturation + np.maximum(y, 0))))
+    found = bromwich.solve_nonlinear(scene, gamma=law, dgamma=slope if derivative else None)
+    assert found.ok, found.reason
+    x, y = found.x[:, 0], found.y[:, 0]
+    w = x - 10 * np.sin(100 * np.pi * found.t) + r * y + voltage * np.log1p(y / saturation)
+    assert np.min(y) >= 0
+    # The change of w in the last iteration is below 1e-8 of its terms, of about 20 V, and Newton's next one would be far smaller.
+    assert np.max(np.abs(np.minimum(y, w))) < 1e-6 and found.residual < 1e-7

@@ -48,6 +48,10 @@ def scenes():
         "relay with e": lambda: bromwich.Scene.relay(
             A=[[-1.0]], B=[1.0], C=[[1.0]], x0=[0.5], T=1, e="0.3*sin(w*t)", parameters={"w": 3}, names={"x": ["v"]}, steps=50
         ),
+        "relay with pairs": lambda: bromwich.Scene.relay(
+            A=[[-1.0]], B=[[1.0, 1.0]], C=[[1.0]], x0=[0.5], T=1, bound="1+t", N=[[1.0]], M=2.0, g="-t", steps=50
+        ),
+        "no constraints": lambda: bromwich.Scene(A=-np.eye(2), x0=1, T=1, f=["t", "1"], steps=50),
     }
 
 

@@ -25,7 +25,7 @@ def job(ranks, *words_of_job):
         OMPI_MCA_btl_vader_single_copy_mechanism="none",
     )
     words = [MPIRUN, "-n", str(ranks), sys.executable, "-m", "mpi4py", str(Path(__file__).parent / "ranks_job.py"), *words_of_job]
-    done = subprocess.run(words, env=environment, capture_output=True, text=True, timeout=120)
+    done = subprocess.run(words, env=environment, capture_output=True, text=True, timeout=1800)
     if "mpirun" in done.stderr and "unrecognized" in done.stderr.lower():
         pytest.skip("this mpirun is none of Open MPI")
     return done

@@ -69,6 +69,11 @@ def test_words(result):
     for word in ("solved", result.method, "residual", "steps"):
         assert word in words
     assert "error estimate" in repr(bromwich.solve(bromwich.scene("dlcp-small"), tol=1e-3))
+    jumps = bromwich.Scene.relay(A=[[0.0]], B=[[1.0]], C=[[1.0]], f=0.5, x0=[1.0], T=4, steps=400)
+    for scene, method, of in ((jumps, "march", "the mean of y over [0, t]"), (bromwich.scene("dlcp-small"), "auto", "y")):
+        r = bromwich.solve(scene, tol=1e-3, method=method, states="none")
+        assert r.error_estimate_of == of and repr(r).count(f"error estimate {r.error_estimate:.1e} of {of},") == 1
+        assert r.errors["of_integral"] == ("mean" in of)
     assert "3 states" in repr(bromwich.scene("dlcp-small"))
 
 
@@ -143,3 +148,33 @@ def test_cycles_are_collected():
     del circuit
     gc.collect()
     assert gone() is None
+
+
+def test_axes_have_units_and_prefixes():
+    """A panel for each unit, x first; numbers in thousands of the unit, and the data as they are."""
+    pytest.importorskip("matplotlib").use("Agg")
+    names, units = {"x": ["i", "v"], "y": ["i_D"]}, {"t": "s", "x": ["A", "V"], "y": "A"}
+    r = bromwich.solve(A=[[0, -1e3], [1e3, 0]], B=[0, -1], N=[0, -1], M=1, g=2e4, x0=[0, 1e4], T=2e-4, steps=20, names=names, units=units)
+    above, middle, below = r.plot()
+    assert [ax.get_ylabel() for ax in (above, middle, below)] == ["i [A]", "v [kV]", "i_D [A]"]
+    assert below.get_xlabel() == "t [µs]" and above.get_xlabel() == ""
+    np.testing.assert_array_equal(middle.lines[0].get_xdata(), r.t)
+    assert below.xaxis.get_major_formatter()(1e-4, None) == "100" and middle.yaxis.get_major_formatter()(5e3, None) == "5"
+
+
+@pytest.mark.parametrize(
+    "size, unit, expected",
+    [(2e-4, "s", "µs"), (3.0, "s", "s"), (2e4, "V", "kV"), (1e-7, "mm", "mm"), (5e-10, "F", "pF"), (0.0, "s", "s"), (1e30, "V", "V")],
+)
+def test_prefixes(size, unit, expected):
+    from bromwich._axes import scale_of
+
+    scale, named = scale_of(np.array([0.0, size, np.nan]), unit)
+    assert named == expected and scale == pytest.approx({"µs": 1e-6, "kV": 1e3, "pF": 1e-12}.get(expected, 1))
+
+
+def test_the_history_of_a_tolerance():
+    r = bromwich.solve(bromwich.scene("dlcp-small"), tol=1e-3, method="march")
+    assert len(r.history) == len(r.errors["grids"]) > 1 and r.history[-1] == pytest.approx(r.error_estimate)
+    sweeps = bromwich.solve(bromwich.scene("signorini", Q=9), steps=20, method="contour")
+    assert len(sweeps.history) > 3 and sweeps.errors is None and max(sweeps.history) < 1

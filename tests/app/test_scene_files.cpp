@@ -59,6 +59,9 @@ TEST_F(CliFiles, FinalTimeAndExpressionsMayBeSet) {
   const auto last = split(split(read(folder_ / "y.csv"), '\n').back(), ',');
   EXPECT_EQ(std::stod(last[0]), 0.5);
   EXPECT_NEAR(std::stod(last[2]), 2 * std::exp(-0.5), 1e-12);
+  EXPECT_EQ(solved("decay.toml --set T=x0/4")["sizes"]["T"], 0.5) << "x0 is 2 in the file";
+  EXPECT_EQ(solved("signorini --set Q=7 --set T=4/Q --steps 8")["sizes"]["T"], 4.0 / 7);
+  EXPECT_TRUE(contains(refused("solve decay.toml --set T=x1/4").err, "'x1', which is not defined"));
   EXPECT_TRUE(contains(refused("solve decay.toml --set T=0").err, "--set: is 0; give a positive finite number"));
   EXPECT_TRUE(contains(refused("solve decay.toml --set Tend=2").err, "(did you mean 'T'?)"));
 }

@@ -85,6 +85,51 @@ TEST_F(CliSweep, RowsAtTimesWithATolerance) {
   EXPECT_EQ(split(read(path("t.csv")), '\n').size(), 7u) << found.err;
 }
 
+// x = a e^{-t}: between rows h apart a line errs by h^2 / 8 of it at most.
+TEST_F(CliSweep, MeasuresOfASpan) {
+  write("s.toml",
+        "[parameters]\na = 1\nk = 4\n[dynamics]\nA = [[-1]]\nx0 = [\"a\"]\n[time]\nT = 2\nsteps = 200\n"
+        "[names]\nx = [\"v\"]\n[sweep]\na = [1, -3]\n");
+  const std::string columns = "--columns 'v,mean(v),rms(v),min(v),max(v),ripple(v, T/k, T)'";
+  const Outcome found = run("solve s.toml --out t.csv " + columns);
+  ASSERT_EQ(found.exit_code, 0) << found.err;
+  const std::vector<std::string> lines = split(read(path("t.csv")), '\n');
+  EXPECT_EQ(lines[0],
+            "scene,a,status,residual,v(T),max|v|,mean(v),rms(v),min(v),max(v),\"ripple(v,T/k,T)\",reason,warning");
+  const double T = 2, h2 = 1e-4 / 8;
+  for (const std::size_t k : {0, 1}) {
+    const std::vector<std::string> words = split(lines[k + 1], ',');
+    const double a = k == 0 ? 1 : -3, e = std::exp(-T);
+    const std::vector<double> expected{a * (1 - e) / T, 3 * std::sqrt((1 - e * e) / (2 * T)) / (k == 0 ? 3 : 1),
+                                       std::min(a, a * e), std::max(a, a * e), std::abs(a) * (std::exp(-T / 4) - e)};
+    for (std::size_t i = 0; i < expected.size(); ++i)
+      EXPECT_NEAR(std::stod(words.at(6 + i)), expected[i], 3 * h2 + 1e-12) << lines[k + 1] << ", " << i;
+  }
+  const auto why = [&](const std::string& given, const std::string& options = "") {
+    return refused("solve s.toml --out t.csv --columns '" + given + "' " + options).err;
+  };
+  EXPECT_TRUE(contains(why("maen(v)"), "'maen(v)' (did you mean 'mean'?)"));
+  EXPECT_TRUE(contains(why("mean(u)"), "found 'u'"));
+  EXPECT_TRUE(contains(why("mean(v, 1, 3)"), "the span 1 to 3; give ascending times from 0 to T = 2"));
+  EXPECT_TRUE(contains(why("mean(v, 1)"), "no times or two"));
+  EXPECT_TRUE(contains(why("mean(v)", "--at 1"), "asks for mean(v) with --at"));
+}
+
+TEST_F(CliSweep, PlotDrawsMapsAndCurves) {
+  write("s.toml", swept);
+  run("solve s.toml --out t.csv");
+  ASSERT_EQ(run("plot t.csv").exit_code, 0);
+  const std::string page = read(path("t.html"));
+  EXPECT_TRUE(contains(page, "4 of 6 scenes solved, over R, a."));
+  for (const char* column : {"y0(T)", "max|y0|", "x0(T)", "max|x0|"})
+    EXPECT_TRUE(contains(page, std::string(column) + " over a and R")) << column;
+  EXPECT_FALSE(contains(page, "residual over"));
+  write("one.toml", swept.substr(0, swept.find("a = [0.5")));  // R alone
+  ASSERT_EQ(run("solve one.toml --out one.csv").exit_code, 0);
+  ASSERT_EQ(run("plot one.csv --out r.html").exit_code, 0);
+  EXPECT_TRUE(contains(read(path("r.html")), "x0(T) over R"));
+}
+
 TEST_F(CliSweep, JsonCountsScenesAndSeconds) {
   write("s.toml", swept);
   const auto json = nlohmann::json::parse(run("solve s.toml --json").out);

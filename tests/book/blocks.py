@@ -115,7 +115,7 @@ def run_python(block, names, folder):
 
 def run_shell(block, folder, build):
     environment = dict(os.environ, PATH=f"{folder / '.bin'}:{os.path.dirname(sys.executable)}:{os.environ['PATH']}")
-    done = subprocess.run(["bash", "-euo", "pipefail", "-c", block.text], cwd=folder, env=environment, timeout=300,
+    done = subprocess.run(["bash", "-euo", "pipefail", "-c", block.text], cwd=folder, env=environment, timeout=1800,
                           stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     if done.returncode:
         raise Fault(f"{block}: exit code {done.returncode}: {done.stderr.strip() or done.stdout.strip()}")

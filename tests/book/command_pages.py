@@ -24,10 +24,10 @@ def commands_of(help_text):
     return [line.split()[0] for line in listed.splitlines() if re.match(r"  \w", line)]
 
 
-def completed(script, words):
-    """What bash offers for the last word."""
+def completed(script, words, folder="."):
+    """What bash offers for the last word, with the command in `folder`."""
     array = " ".join(f"'{word}'" for word in words)
-    program = f"source '{script}'; COMP_WORDS=({array}); COMP_CWORD={len(words) - 1}; _bromwich; printf '%s\\n' \"${{COMPREPLY[@]}}\""
+    program = f"PATH='{folder}':$PATH; source '{script}'; COMP_WORDS=({array}); COMP_CWORD={len(words) - 1}; _bromwich; printf '%s\\n' \"${{COMPREPLY[@]}}\""
     return set(output("bash", "-c", program).split())
 
 
@@ -60,6 +60,14 @@ def faults(bromwich, pages):
         yield from differences(f"zsh, {command}", options, in_zsh(zsh, command))
         if manuals:
             yield from differences(f"manual, {command}", options, in_manual(pages / "man1" / f"bromwich-{command}.1"))
+        shown = (line.strip() for line in output(bromwich, command, "--help").splitlines())
+        examples = [line for line in shown if line.startswith("bromwich ")]
+        if manuals and shutil.which("man"):
+            page = " ".join(output("env", "MANWIDTH=300", "man", "-l", pages / "man1" / f"bromwich-{command}.1").split(" ")).splitlines()
+            yield from differences(f"lines of the manual, {command}", set(examples), {line.strip() for line in page} & set(examples))
+    folder = str(Path(bromwich).resolve().parent)
+    given = completed(script, ["bromwich", "solve", "signorini", "--set", ""], folder)
+    yield from differences("bash, --set", {"Q=", "c=", "T="}, given)
     methods = re.search(r"--method NAME\s+(.*?); default", output(bromwich, "solve", "--help"))[1].split(", ")
     yield from differences("bash, --method", set(methods), completed(script, ["bromwich", "solve", "--method", ""]))
     if shutil.which("zsh"):

@@ -220,6 +220,30 @@ TEST_F(SceneFolder, MatricesVectorsAndSourcesComeFromFiles) {
   EXPECT_EQ(f, (Vector{{1, 2}}));
 }
 
+// A tent of height 1 at t = 1 as the second entry, beside an expression and a number.
+TEST_F(SceneFolder, AListOfFunctionsMayNameTables) {
+  write("u.csv", "t,f0\n0,0\n1,1\n2,0\n");
+  const std::string three = "f = [\"t^2\", \"u.csv\", 3]\n";
+  const auto with_f = [](const std::string& f) {
+    return scene("\"zero(3)\"", "[[1], [0], [0]]", "[0, 0, 0]", "[[1, 0, 0]]", "1", f);
+  };
+  const Scene read_from = read(with_f(three)).scene;
+  Vector f(3);
+  for (const double t : {0.0, 0.5, 1.0, 1.75, 2.0}) {
+    read_from.f(t, f);
+    EXPECT_NEAR(f[0], t * t, 1e-15) << t;
+    EXPECT_NEAR(f[1], 1 - std::abs(t - 1), 1e-15) << t;
+    EXPECT_EQ(f[2], 3) << t;
+  }
+  EXPECT_EQ(read_from.breakpoints, (std::vector{1.0}));
+  EXPECT_TRUE(read_from.breakpoints_are_all);
+  write("two.csv", "t,f0,f1\n0,0,0\n2,0,0\n");
+  write("short.csv", "t,f0\n0,0\n1,0\n");
+  EXPECT_NE(refused(with_f("f = [0, \"two.csv\", 3]\n")).find("dynamics.f: the table '"), std::string::npos);
+  EXPECT_NE(refused(with_f("f = [0, \"short.csv\", 3]\n")).find("the times end at 1, before T = 2"), std::string::npos);
+  EXPECT_NE(refused(with_f("f = [0, \"none.csv\", 3]\n")).find("does not exist"), std::string::npos);
+}
+
 TEST_F(SceneFolder, MistakesOfFilesNameTheFile) {
   write("A.mtx", "%%MatrixMarket matrix coordinate real general\n1 1 1\n1 1 x\n");
   write("x0.csv", "1,2\n3,4\n");

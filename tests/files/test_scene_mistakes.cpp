@@ -77,7 +77,8 @@ TEST(SceneFile, MistakesInTheFormNameFileLineAndKey) {
       {with(0, "[free]\nrows = [0.5]"), "my.toml:14: free.rows: found 0.5; give whole numbers"},
       {with(0, "[free]\nrows = [1]"), "my.toml:14: free.rows: row 1 of 1; rows are counted from 0"},
       {with(0, "[free]\nrows = [0, 0]"), "my.toml:14: free.rows: row 0 after row 0; give each row once"},
-      {with(0, "[relay]\nC = [[1]]"), "my.toml:14: relay.C: found [relay] and [complementarity]; give one of the two"},
+      {with(0, "[relay]\nC = [[1]]"),
+       "my.toml:6: dynamics.B: has 0 columns for y; give one for each of the 1 rows of N"},
       {"name = 3\n" + lines(small_scene), "my.toml:1: name: found 3; give a text in quotes"},
   });
 }

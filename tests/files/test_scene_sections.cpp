@@ -166,12 +166,76 @@ TEST(SceneSections, NamesAndUnits) {
       {names("x = [\"t\", \"i\"]"), "my.toml:11: names.x: 't' is taken"},
       {names("x = [\"a,b\", \"i\"]"), "my.toml:11: names.x: found 'a,b'; give names without commas"},
       {names("x = [\"\", \"i\"]"), "my.toml:11: names.x: found ''; give names"},
-      {names("x = [\"x1\", \"x0\"]"), "my.toml:11: names.x: found 'x1' for component 0; choose another name"},
+      {names("x = [\"y0\", \"i\"]"), "my.toml:11: names.x: 'y0' is taken; give every component a name of its own"},
       {names("x = [1, 2]"), "my.toml:11: names.x: found 1; give a list of 2 texts in quotes"},
       {names("z = [\"a\"]"), "my.toml:11: names.z: is no known key"},
       {two_states + "[units]\nx = [\"V\"]\n", "my.toml:11: units.x: has 1 entries; give 2"},
       {two_states + labels + "[output]\nstates = \"j\"\n", "my.toml:18: output.states: found 'j'"},
   });
+}
+
+TEST(SceneSections, StatesMayBeCountedFromOne) {
+  const Scene scene = parse_sections(two_states + "[names]\nx = [\"x1\", \"x2\"]\n").scene;
+  EXPECT_EQ(find_state(scene, "x1"), 0) << "the name of the file";
+  EXPECT_EQ(find_state(scene, "x2"), 1);
+}
+
+TEST(SceneSections, ANumberIsThatMultipleOfTheIdentity) {
+  const std::string three =
+      "[parameters]\nR = 2\n[dynamics]\nA = \"zero(2)\"\nE = 3\nB = [[1, 0, 0], [0, 1, 0]]\n[complementarity]\n"
+      "N = [[1, 0], [0, 1], [1, 1]]\nM = 1.5\n[boundary]\nE0 = 1\nET = -1\nb = [0, 0]\n[time]\nT = 1\n";
+  const SceneFile file = parse_sections(three);
+  EXPECT_EQ(to_dense(file.scene.M), (Matrix{{1.5, 0, 0}, {0, 1.5, 0}, {0, 0, 1.5}}));
+  EXPECT_EQ(dense_matrices(file).E, (Matrix{{3, 0}, {0, 3}}));
+  EXPECT_EQ(file.scene.boundary->ET, (Matrix{{-1, 0}, {0, -1}}));
+  EXPECT_EQ(to_dense(parse_sections(with_replaced(three, "1.5", "\"R/4\"")).scene.M)(2, 2), 0.5);
+  EXPECT_EQ(to_dense(parse_sections(with_replaced(three, "1.5", "0.0")).scene.M), (Matrix::Zero(3, 3)));
+  expect_refused_sections({{with_replaced(three, "1.5", "\"S\""), "my.toml:9: complementarity.M: found the text 'S'"},
+                           {with_replaced(three, "\"zero(2)\"", "1"), "my.toml:4: dynamics.A: found 1; give rows"}});
+}
+
+// x' = -x, x(0) = 3.
+TEST(SceneSections, NoConstraints) {
+  const Scene scene = parse_sections("[dynamics]\nA = [[-1]]\nx0 = [3]\n[time]\nT = 1\nsteps = 4\n").scene;
+  EXPECT_EQ(scene.constraints(), 0);
+  Options options;
+  options.states = StateSelection::all;
+  const Result r = solve(scene, *make_cpu_backend(1), options);
+  ASSERT_EQ(r.status, Status::solved) << r.reason;
+  EXPECT_NEAR(r.x(4, 0), 3 * std::exp(-1.0), 1e-12);  // one exponential a step, to rounding
+  expect_refused_sections(
+      {{"[dynamics]\nA = [[-1]]\nB = [[1]]\nx0 = [3]\n[time]\nT = 1\n", "my.toml:1: complementarity.N: is missing"},
+       {"[dynamics]\nA = [[-1]]\nx0 = [3]\n[complementarity]\nN = [[1]]\nM = [[1]]\n[time]\nT = 1\n",
+        "my.toml:1: dynamics.B: is missing"}});
+}
+
+// x1' in -(1 + t) Sgn(x1), x1(0) = 1, is 0 from t + t^2/2 = 1 on. Beside it x2' = -1 + y, 0 <= y perp x2 >= 0, x2(0) =
+// 1/2, rests from t = 1/2 on.
+TEST(SceneSections, RelaysWithBoundsBesidePairs) {
+  const std::string text =
+      "[dynamics]\nA = \"zero(2)\"\nB = [[1, 0], [0, 1]]\nf = [0, -1]\nx0 = [1, 0.5]\n[relay]\nC = [[1, 0]]\n"
+      "bound = [\"1 + t\"]\n[complementarity]\nN = [[0, 1]]\nM = 0\ng = [\"0*t\"]\n[time]\nT = 1\nsteps = 100\n";
+  const Scene scene = parse_sections(text).scene;
+  EXPECT_EQ(scene.constraints(), 3);
+  Options options;
+  options.states = StateSelection::all;
+  options.method = Method::events;
+  options.tolerance = 1e-6;
+  const Result r = solve(scene, *make_cpu_backend(1), options);
+  ASSERT_EQ(r.status, Status::solved) << r.reason;
+  const double hit = std::sqrt(3.0) - 1;
+  for (Index j = 0; j < r.t.size(); ++j) {
+    const double t = r.t[j];
+    EXPECT_NEAR(r.x(j, 0), std::max(0.0, 1 - t - t * t / 2), 1e-6) << t;
+    EXPECT_NEAR(r.x(j, 1), std::max(0.0, 0.5 - t), 1e-6) << t;
+    if (std::abs(t - hit) < 0.01 || std::abs(t - 0.5) < 0.01) continue;
+    EXPECT_NEAR(r.y(j, 0), t < hit ? 1 + t : (1 + t) / 2, 1e-5) << "lambda = b - 2 y, -b and then 0, t = " << t;
+    EXPECT_NEAR(r.y(j, 2), t < 0.5 ? 0 : 1, 1e-5) << t;
+  }
+  expect_refused_sections(
+      {{with_replaced(text, "[\"1 + t\"]", "[1, 1]"),
+        "my.toml:8: relay.bound: has 2 entries; give 1, one per row of C"},
+       {with_replaced(text, "[[0, 1]]\nM", "[[0, 1], [1, 0]]\nM"), "my.toml:3: dynamics.B: has 1 columns for y"}});
 }
 
 }  // namespace

@@ -84,7 +84,7 @@ def check_faults():
 
 
 def run(command, *arguments, code=0, cwd):
-    done = subprocess.run([command, *arguments], capture_output=True, text=True, cwd=cwd, timeout=120)
+    done = subprocess.run([command, *arguments], capture_output=True, text=True, cwd=cwd, timeout=1800)
     assert done.returncode == code, f"{arguments}: exit code {done.returncode}\n{done.stderr}"
     return done.stdout
 
@@ -193,7 +193,7 @@ def browse(browser, profile, options, width, path):
     return subprocess.run(
         [browser, "--headless=new", "--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-extensions",
          f"--user-data-dir={profile}", f"--window-size={width},1200", *options, path.as_uri()],
-        capture_output=True, text=True, timeout=120)
+        capture_output=True, text=True, timeout=1800)
 
 
 def probe(browser, profile, mode, page, folder):

@@ -7,6 +7,20 @@
 namespace bromwich::report {
 namespace {
 
+TEST(Scale, UnitsTakePrefixes) {
+  const auto scaled = [](const std::string& unit, double largest) {
+    const ScaledUnit found = with_prefix(unit, largest);
+    return std::pair(found.name, found.size);
+  };
+  EXPECT_EQ(scaled("s", 2e-4), std::pair(std::string("µs"), 1e-6));
+  EXPECT_EQ(scaled("V", 2.5e4), std::pair(std::string("kV"), 1e3));
+  EXPECT_EQ(scaled("s", 3), std::pair(std::string("s"), 1.0));
+  EXPECT_EQ(scaled("A", 0), std::pair(std::string("A"), 1.0));
+  EXPECT_EQ(scaled("mm", 1e-7), std::pair(std::string("mm"), 1.0)) << "has a prefix";
+  EXPECT_EQ(scaled("", 1e-7), std::pair(std::string(), 1.0));
+  EXPECT_EQ(scaled("W", 1e30), std::pair(std::string("W"), 1.0));
+}
+
 TEST(Scale, PutsTheEndsAtTheEnds) {
   const Scale linear(-2, 6, 100, 20), decades(1e-6, 1e2, 0, 80, true);
   EXPECT_DOUBLE_EQ(linear(-2), 100);

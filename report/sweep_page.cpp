@@ -1,0 +1,168 @@
+#include "report/sweep_page.hpp"
+
+#include "core/base/error.hpp"
+#include "report/charts.hpp"
+#include "report/page_pieces.hpp"
+#include "report/page_style.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cmath>
+#include <fstream>
+#include <map>
+#include <vector>
+
+namespace bromwich::report {
+
+namespace {
+
+using Cells = std::vector<std::string>;
+
+/// Cells between commas, which may stand in quotes.
+Cells cells_of(const std::string& line) {
+  Cells cells{""};
+  bool quoted = false;
+  for (std::size_t i = 0; i < line.size(); ++i) {
+    if (line[i] == '"' && quoted && i + 1 < line.size() && line[i + 1] == '"')
+      cells.back() += line[++i];
+    else if (line[i] == '"')
+      quoted = !quoted;
+    else if (line[i] == ',' && !quoted)
+      cells.emplace_back();
+    else if (line[i] != '\r')
+      cells.back() += line[i];
+  }
+  return cells;
+}
+
+double number_of(const std::string& cell) {
+  try {
+    return std::stod(cell);
+  } catch (const std::exception&) {
+    return NAN;
+  }
+}
+
+/// One row for each scene: parameters, a status, and columns of numbers.
+struct SweepRows {
+  Cells parameters, columns, status;
+  RowMatrix swept, values;
+
+  Vector column(Index c) const { return values.col(c); }
+};
+
+SweepRows read_rows(const std::string& argument, const std::filesystem::path& path) {
+  std::ifstream in(path);
+  std::string line;
+  std::getline(in, line);
+  const Cells header = cells_of(line);
+  const auto status = std::find(header.begin(), header.end(), "status") - header.begin();
+  const auto end = std::find(header.begin(), header.end(), "reason") - header.begin();
+  SweepRows rows;
+  rows.parameters.assign(header.begin() + 1, header.begin() + status);
+  rows.columns.assign(header.begin() + status + 1, header.begin() + end);
+  std::vector<Cells> all;
+  while (std::getline(in, line))
+    if (!line.empty()) all.push_back(cells_of(line));
+  rows.swept.resize(Index(all.size()), status - 1);
+  rows.values.resize(Index(all.size()), end - status - 1);
+  for (std::size_t k = 0; k < all.size(); ++k) {
+    if (all[k].size() != header.size())
+      throw Error(
+          argument,
+          fmt::format("'{}' has {} cells in row {} and {} names", path.string(), all[k].size(), k, header.size()),
+          "give a table that 'bromwich solve --out' has written");
+    rows.status.push_back(all[k][std::size_t(status)]);
+    for (Index c = 0; c < rows.swept.cols(); ++c) rows.swept(Index(k), c) = number_of(all[k][std::size_t(c + 1)]);
+    for (Index c = 0; c < rows.values.cols(); ++c)
+      rows.values(Index(k), c) = number_of(all[k][std::size_t(status + 1 + c)]);
+  }
+  return rows;
+}
+
+std::vector<double> different(const Eigen::Ref<const Vector>& column) {
+  std::vector<double> found(column.begin(), column.end());
+  std::sort(found.begin(), found.end());
+  found.erase(std::unique(found.begin(), found.end()), found.end());
+  return found;
+}
+
+/// Over two parameters whose values are all combined.
+std::string map_of(const SweepRows& rows, Index a, Index b, Index column) {
+  const std::vector<double> across = different(rows.swept.col(a)), up = different(rows.swept.col(b));
+  RowMatrix values = RowMatrix::Constant(Index(across.size()), Index(up.size()), NAN);
+  const auto place = [](const std::vector<double>& all, double value) {
+    return Index(std::lower_bound(all.begin(), all.end(), value) - all.begin());
+  };
+  for (Index k = 0; k < rows.swept.rows(); ++k)
+    values(place(across, rows.swept(k, a)), place(up, rows.swept(k, b))) = rows.values(k, column);
+  const std::string &x = rows.parameters[std::size_t(a)], &y = rows.parameters[std::size_t(b)];
+  HeatMap map{rows.columns[std::size_t(column)] + " over " + x + " and " + y,
+              x,
+              y,
+              rows.columns[std::size_t(column)],
+              Eigen::Map<const Vector>(across.data(), Index(across.size())),
+              std::move(values)};
+  map.rows = up;
+  return heat_map(map);
+}
+
+std::string curve_of(const SweepRows& rows, Index parameter, Index column) {
+  std::map<double, double> sorted;
+  for (Index k = 0; k < rows.swept.rows(); ++k) sorted[rows.swept(k, parameter)] = rows.values(k, column);
+  Vector x(Index(sorted.size())), y(Index(sorted.size()));
+  Index i = 0;
+  for (const auto& [at, value] : sorted) x[i] = at, y[i++] = value;
+  const std::string &name = rows.columns[std::size_t(column)], &over = rows.parameters[std::size_t(parameter)];
+  LineChart chart{name + " over " + over, {over}, {name}, {}, {}};
+  chart.lines.push_back({name, x, y, false, sorted.size() <= 50});
+  return line_chart(chart);
+}
+
+std::string pictures(const SweepRows& rows) {
+  std::vector<Index> varied;
+  for (Index c = 0; c < rows.swept.cols(); ++c)
+    if (different(rows.swept.col(c)).size() > 1) varied.push_back(c);
+  const bool product = varied.size() == 2 && Index(different(rows.swept.col(varied[0])).size() *
+                                                   different(rows.swept.col(varied[1])).size()) == rows.swept.rows();
+  std::string html;
+  for (Index column = 0; column < rows.values.cols(); ++column) {
+    const std::string& name = rows.columns[std::size_t(column)];
+    if (name == "residual" || !rows.column(column).array().isFinite().any()) continue;
+    if (product) {
+      html += figure(map_of(rows, varied[1], varied[0], column), name + ", for each scene.");
+      continue;
+    }
+    for (const Index parameter : varied)
+      html += figure(curve_of(rows, parameter, column),
+                     varied.size() == 1 ? name + ", for each scene." : name + ": the last scene with each value.");
+  }
+  return html;
+}
+
+}  // namespace
+
+bool is_sweep_table(const std::filesystem::path& path) {
+  std::ifstream in(path);
+  std::string line;
+  return path.extension() == ".csv" && std::getline(in, line) && line.starts_with("scene,") &&
+         line.find(",status,residual") != std::string::npos && line.find(",t,status") == std::string::npos;
+}
+
+std::string sweep_page(const std::string& argument, const std::filesystem::path& path, const std::string& version) {
+  const SweepRows rows = read_rows(argument, path);
+  const auto solved = std::count(rows.status.begin(), rows.status.end(), "solved");
+  const std::string name = path.filename().string();
+  return fmt::format(
+      "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\"/>\n"
+      "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"/>\n"
+      "<meta name=\"color-scheme\" content=\"light dark\"/>\n<title>{0} – bromwich</title>\n<style>\n{1}</style>\n"
+      "</head>\n<body>\n<main>\n<h1>{0}</h1>\n<p>{2} of {3} scenes solved, over {4}.</p>\n{5}"
+      "<footer>{0} · bromwich {6}</footer>\n</main>\n</body>\n</html>\n",
+      escaped(name), page_style, solved, rows.status.size(),
+      escaped(fmt::format("{}", fmt::join(rows.parameters, ", "))), pictures(rows), escaped(version));
+}
+
+}  // namespace bromwich::report
