@@ -14,8 +14,10 @@ BatchDerivative::BatchDerivative(const Batch& batch, const BatchResult& result, 
                                  Backend* backend)
     : rows_(result.rows()) {
   batch.validate();
-  if (!batch.times.empty())
-    throw Error("times", "the rows of the result are not the time points of its grid", "solve without times");
+  if (!batch.times.empty() && !located.value_or(true))
+    throw Error("times", "the rows of the result are not the time points of its grid",
+                "solve without times, or take derivatives with located switches");
+  if (!batch.times.empty()) located = true;
   const Scene first = scene_of(batch, 0);
   m_ = first.states(), n_ = first.constraints();
   const Index K = batch.own.empty() ? batch.scenes : Index(batch.own.size());
@@ -40,7 +42,7 @@ void BatchDerivative::prepare(Index k, const Scene& scene, const BatchResult& re
   if (r.status != Status::solved)
     throw Error("derivative", text("the scene is not solved (%s)", to_string(r.status)), "differentiate solved scenes");
   if (located.value_or(y_may_jump(r)))
-    one.switched = std::make_shared<SwitchedDerivative>(scene, r.t);
+    one.switched = std::make_shared<SwitchedDerivative>(scene, r.t, true);
   else
     one.discrete = std::make_shared<SolutionDerivative>(scene, r);
 }

@@ -24,11 +24,12 @@ struct PerScene {
 
 class BatchDerivative {
  public:
-  /// The rows of the result must be the time points of a grid, not Batch::times. `located`: with located switches
-  /// (SwitchedDerivative); otherwise the derivative of the discrete solution where its y is continuous. Throws Error
-  /// where the result is not that of this batch. Sources are called by the calling thread alone. With a backend, scenes
-  /// that share their dynamics are differentiated side by side in its arrays (DerivativesSideBySide); it has to outlive
-  /// this object, and is used by one caller at a time. That pays where steps_many_scenes (core/seam/scene_arrays.hpp).
+  /// `located`: with located switches (SwitchedDerivative, along some changes), as where rows are those of
+  /// Batch::times; otherwise the derivative of the discrete solution where its y is continuous, whose rows are the time
+  /// points. Throws Error where the result is not that of this batch. Sources are called by the calling thread alone.
+  /// With a backend, scenes that share their dynamics are differentiated side by side in its arrays
+  /// (DerivativesSideBySide); it has to outlive this object, and is used by one caller at a time. That pays where
+  /// steps_many_scenes (core/seam/scene_arrays.hpp).
   BatchDerivative(const Batch&, const BatchResult&, std::optional<bool> located = {}, Backend* = nullptr);
 
   Index scenes() const { return Index(reason_.size()); }

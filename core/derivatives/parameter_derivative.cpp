@@ -2,6 +2,7 @@
 
 #include "core/base/error.hpp"
 #include "core/base/text.hpp"
+#include "core/scene/breakpoints.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -13,7 +14,7 @@ namespace {
 
 constexpr double same_row = 1e-12;     ///< of T
 constexpr double interpolated = 1e-7;  ///< error of changes of f and g, linear between times, relative
-constexpr Index most_divided = 64;     ///< parts of a step
+constexpr Index most_divided = 256;    ///< parts of a step
 constexpr Index most_fine_times = 1 << 16;
 
 Vector merged_times(const Vector& t, const std::vector<double>& also) {
@@ -50,6 +51,33 @@ double bend_of(const RowMatrix& table, const Vector& t, const std::vector<double
   return size > 0 ? most / size : 0;
 }
 
+// Times beside the breakpoints, so that lines end and begin with the limits there. SwitchedDerivative takes the three
+// for one time.
+Vector with_limits(const Vector& times, const Scene& scene) {
+  const double beside = 0.4 * same_row * scene.T;
+  std::vector<double> all(times.begin(), times.end());
+  const bool known = scene.breakpoints_are_all || !(scene.f || scene.g);
+  for (const double at : known ? scene.breakpoints : find_breakpoints(scene))
+    if (at > 2 * beside && at < scene.T - 2 * beside) all.insert(all.end(), {at - beside, at + beside});
+  std::sort(all.begin(), all.end());
+  all.erase(std::unique(all.begin(), all.end()), all.end());
+  return Eigen::Map<const Vector>(all.data(), Index(all.size()));
+}
+
+// Where to look for values at these times: at a breakpoint, which may be known to a few digits less than times, on
+// either side of it.
+Vector sampled_at(const Vector& times, double T) {
+  constexpr double beside = 1e-9;
+  Vector at = times;
+  const Index last = times.size() - 1;
+  for (Index j = 1; j < last; ++j) {
+    const bool left = times[j + 1] - times[j] <= same_row * T, right = times[j] - times[j - 1] <= same_row * T;
+    if (left && !right) at[j] -= beside * T;
+    if (right && !left) at[j] += beside * T;
+  }
+  return at;
+}
+
 // Times at which lines between the rows of the changes of f and g are these changes.
 Vector fine_times(const Vector& rows, const std::vector<ParameterNeighbours>& neighbours, const Scene& scene) {
   double bend = 0, moved = 0;
@@ -73,7 +101,7 @@ Vector fine_times(const Vector& rows, const std::vector<ParameterNeighbours>& ne
                                         std::clamp<Index>(most_fine_times / J, 1, most_divided));
   for (Index j = 0; j < J; ++j)
     for (Index k = 1; k < parts; ++k) more.push_back(rows[j] + (rows[j + 1] - rows[j]) * double(k) / double(parts));
-  return merged_times(rows, more);
+  return with_limits(merged_times(rows, more), scene);
 }
 
 bool at_moving_jump(const std::vector<ParameterNeighbours>& neighbours, double t, double T) {
@@ -120,6 +148,13 @@ ResultDerivative of_result(const Scene& scene, const Result& result, Backend& ba
                           {.located = located, .times = may_be ? fine_times(rows, neighbours, scene) : Vector()});
 }
 
+// Whether the gradient has all members that change. That with located switches has no b, E0 and ET.
+bool has_gradient(const DataChange& gradient, const DataChange& change) {
+  const auto has = [&](auto member) { return (change.*member).size() == 0 || (gradient.*member).size() > 0; };
+  return has(&DataChange::x0) && has(&DataChange::f) && has(&DataChange::g) && has(&DataChange::A) &&
+         has(&DataChange::B) && has(&DataChange::N) && has(&DataChange::M) && has(&DataChange::E);
+}
+
 // sum + c value, of tables that may be empty.
 template <class Table>
 void add_multiple(Table& sum, double c, const Table& value) {
@@ -150,7 +185,7 @@ ParameterDerivative::ParameterDerivative(const Scene& scene, const Result& resul
   for (std::size_t i = 0; i < parameters.size(); ++i) {
     names_.push_back(parameters[i].name);
     const ParameterNeighbours& n = neighbours_[i];
-    changes_.push_back(parameter_change(n, scene, of_data_.times(), is_written_out(scene)));
+    changes_.push_back(parameter_change(n, scene, sampled_at(of_data_.times(), scene.T), is_written_out(scene)));
     if (const GalerkinDerivative* galerkin = of_data_.of_boundary_values())
       of_problem_.push_back(galerkin->change({&n.at[0].scene, &n.at[1].scene, &n.at[2].scene, &n.at[3].scene}, n.step));
     const double size = parameters[i].value != 0 ? std::abs(parameters[i].value) : 1;
@@ -240,21 +275,23 @@ Vector ParameterDerivative::gradient(const SolutionChange& of) const {
     return by;
   }
   const SwitchedDerivative* switched = of_data_.switched();
+  const auto by_tangent = [&](Index i) {  // along it there may be a derivative where there is no gradient
+    const SolutionChange change = along(Vector::Unit(parameters(), i), false);
+    double sum = 0;
+    for (const auto member : {&SolutionChange::y, &SolutionChange::x, &SolutionChange::w, &SolutionChange::integral})
+      if ((of.*member).size() > 0) sum += (of.*member).cwiseProduct(change.*member).sum();
+    return sum;
+  };
   const bool jumps = std::any_of(changes_.begin(), changes_.end(), [](const auto& c) { return !c.jumps.empty(); });
   if (jumps || (switched && !switched->only_along().empty())) {
-    for (Index i = 0; i < parameters(); ++i) {  // along each of them there may be a derivative
-      const SolutionChange change = along(Vector::Unit(parameters(), i), false);
-      by[i] = 0;
-      for (const auto member : {&SolutionChange::y, &SolutionChange::x, &SolutionChange::w, &SolutionChange::integral})
-        if ((of.*member).size() > 0) by[i] += (of.*member).cwiseProduct(change.*member).sum();
-    }
+    for (Index i = 0; i < parameters(); ++i) by[i] = by_tangent(i);
     return by;
   }
   const bool by_x0 = std::any_of(changes_.begin(), changes_.end(), [](const auto& c) { return c.data.x0.size() > 0; });
   const DataChange bar = of_data_.vjp(of, by_x0);
   for (Index i = 0; i < parameters(); ++i) {
     const ParameterChange& c = changes_[std::size_t(i)];
-    by[i] = product(bar, c.data);
+    by[i] = switched && !has_gradient(bar, c.data) ? by_tangent(i) : product(bar, c.data);
     if (c.of_sum) by[i] += of_data_.of_sum().along(c.sum, of, bar);
   }
   return by;
@@ -265,13 +302,9 @@ double ParameterDerivative::product(const DataChange& gradient, const DataChange
   const auto add = [&](const char* name, auto member) {
     const auto &bar = gradient.*member, &by = change.*member;
     if (by.size() == 0) return;
-    if (bar.size() == 0) {
-      const SwitchedDerivative* switched = of_data_.switched();
-      throw Error("derivative",
-                  text("%s depends on the parameters, and has no gradient here", name) +
-                      (switched && name[0] == 'M' ? ": " + switched->without_M() : ""),
+    if (bar.size() == 0)
+      throw Error("derivative", text("%s depends on the parameters, and has no gradient here", name),
                   "use jvp, or leave these parameters out");
-    }
     sum += bar.cwiseProduct(by).sum();
   };
   add("x0", &DataChange::x0), add("b", &DataChange::b), add("f", &DataChange::f), add("g", &DataChange::g);

@@ -1,6 +1,7 @@
 #include "core/derivatives/result_derivative.hpp"
 
 #include "core/base/error.hpp"
+#include "core/base/text.hpp"
 #include "core/solve/solve.hpp"
 
 namespace bromwich {
@@ -8,6 +9,59 @@ namespace bromwich {
 namespace {
 
 constexpr Index largest_located_states = 64, largest_located_constraints = 48;
+constexpr double coarser_tolerance = 1e-9;  ///< of the integration, a hundred times that of SwitchedDerivative
+
+constexpr auto tables_of_solution = {&SolutionChange::y, &SolutionChange::x, &SolutionChange::w,
+                                     &SolutionChange::integral};
+constexpr auto tables_of_data = {&DataChange::f, &DataChange::g};
+constexpr auto matrices = {&DataChange::A, &DataChange::B,  &DataChange::N, &DataChange::M,
+                           &DataChange::E, &DataChange::E0, &DataChange::ET};
+constexpr auto vectors = {&DataChange::x0, &DataChange::b};
+
+// From the rows to these and the middles between them, along lines.
+RowMatrix with_middles(const RowMatrix& rows) {
+  const Index J = rows.rows() - 1;
+  RowMatrix all(2 * J + 1, rows.cols());
+  for (Index j = 0; j <= J; ++j) all.row(2 * j) = rows.row(j);
+  for (Index j = 0; j < J; ++j) all.row(2 * j + 1) = (rows.row(j) + rows.row(j + 1)) / 2;
+  return all;
+}
+
+// The transpose.
+RowMatrix without_middles(const RowMatrix& all) {
+  const Index J = (all.rows() - 1) / 2;
+  RowMatrix rows(J + 1, all.cols());
+  for (Index j = 0; j <= J; ++j) {
+    rows.row(j) = all.row(2 * j);
+    if (j > 0) rows.row(j) += all.row(2 * j - 1) / 2;
+    if (j < J) rows.row(j) += all.row(2 * j + 1) / 2;
+  }
+  return rows;
+}
+
+Result with_half_the_step(const Scene& scene, const Result& result, Backend& backend) {
+  Options options;
+  options.method = result.method;
+  options.steps = 2 * result.steps;
+  options.states = scene.states() <= ResultDerivative::largest_written_out ? StateSelection::all : StateSelection::none;
+  Result finer = solve(scene, backend, options);
+  if (finer.status != Status::solved || finer.t.size() != 2 * result.t.size() - 1)
+    throw Error("derivative", text("the scene is not solved with half the step (%s)", to_string(finer.status)),
+                "take more steps");
+  return finer;
+}
+
+// Of two values of one derivative.
+template <class Table>
+void differ(Table& value, const Table& other, double factor) {
+  if (value.size() == 0 || other.size() == 0)
+    value.resize(0, value.cols());
+  else
+    value = factor * (value - other).cwiseAbs();
+}
+void differ(Vector& value, const Vector& other, double factor) {
+  value = value.size() == other.size() ? Vector(factor * (value - other).cwiseAbs()) : Vector();
+}
 
 // Of the grid of a result by shooting.
 Result by_galerkin(const Scene& scene, Backend& backend, const Result& result) {
@@ -132,6 +186,58 @@ const ModalDerivative& ResultDerivative::of_sum() const {
   const std::lock_guard lock(of_sum_->made);
   if (!of_sum_->derivative) of_sum_->derivative = std::make_unique<ModalDerivative>(scene_, *result_);
   return *of_sum_->derivative;
+}
+
+// ---- Errors.
+
+DerivativeError::DerivativeError(const Scene& scene, const Result& result, Backend& backend,
+                                 const ResultDerivative& derivative)
+    : derivative_(derivative) {
+  if (derivative.located())
+    coarser_.emplace(scene, derivative.times(), true, coarser_tolerance);
+  else
+    finer_.emplace(scene, with_half_the_step(scene, result, backend), backend,
+                   DerivativeChoice{.located = false, .all_times = derivative.form() == DerivativeForm::all_times});
+}
+
+SolutionChange DerivativeError::of_jvp(const DataChange& change, bool states) const {
+  SolutionChange found = derivative_.jvp(change, states), other;
+  if (coarser_) {
+    other = coarser_->jvp(change);
+  } else {
+    DataChange finer = change;
+    for (const auto table : tables_of_data)
+      if ((change.*table).size() > 0) finer.*table = with_middles(change.*table);
+    other = finer_->jvp(finer, states);
+    for (const auto table : tables_of_solution)
+      if ((other.*table).size() > 0)
+        other.*table = RowMatrix((other.*table)(Eigen::seqN(0, (found.*table).rows(), 2), Eigen::all));
+  }
+  for (const auto table : tables_of_solution) differ(found.*table, other.*table, coarser_ ? 1 : 2);
+  return found;
+}
+
+DataChange DerivativeError::of_vjp(const SolutionChange& function, bool by_x0) const {
+  DataChange found = derivative_.vjp(function, by_x0), other;
+  if (coarser_) {
+    other = coarser_->vjp(function);
+  } else {
+    SolutionChange finer;
+    for (const auto table : tables_of_solution) {
+      const RowMatrix& weights = function.*table;
+      if (weights.size() == 0) continue;
+      finer.*table = RowMatrix::Zero(2 * weights.rows() - 1, weights.cols());
+      (finer.*table)(Eigen::seqN(0, weights.rows(), 2), Eigen::all) = weights;
+    }
+    other = finer_->vjp(finer, by_x0);
+    for (const auto table : tables_of_data)
+      if ((other.*table).size() > 0) other.*table = without_middles(other.*table);
+  }
+  const double factor = coarser_ ? 1 : 2;
+  for (const auto table : tables_of_data) differ(found.*table, other.*table, factor);
+  for (const auto matrix : matrices) differ(found.*matrix, other.*matrix, factor);
+  for (const auto vector : vectors) differ(found.*vector, other.*vector, factor);
+  return found;
 }
 
 }  // namespace bromwich

@@ -84,4 +84,25 @@ class ResultDerivative {
   std::unique_ptr<OfSum> of_sum_ = std::make_unique<OfSum>();
 };
 
+/// How far a derivative is from that of the solution. Derivatives of a discrete solution are exact for its steps. Their
+/// distance from those of the solution is no larger than twice what half the step changes, where it falls with the step
+/// or faster: a switch between two time points moves derivatives by a share of the step, even where it moves the
+/// solution by its square. Where switches are located, the integration with a hundred times its tolerance is compared.
+class DerivativeError {
+ public:
+  /// Of `derivative`, which is one of this result and has to outlive this object. Solves the scene with half the step.
+  /// Throws Error where this solution is not found, or has no derivative.
+  DerivativeError(const Scene&, const Result&, Backend&, const ResultDerivative& derivative);
+
+  /// The estimated error of each entry of derivative.jvp(change, states).
+  SolutionChange of_jvp(const DataChange&, bool states = false) const;
+  /// The estimated error of each entry of derivative.vjp(function, by_x0).
+  DataChange of_vjp(const SolutionChange&, bool by_x0 = true) const;
+
+ private:
+  const ResultDerivative& derivative_;
+  std::optional<ResultDerivative> finer_;
+  std::optional<SwitchedDerivative> coarser_;
+};
+
 }  // namespace bromwich

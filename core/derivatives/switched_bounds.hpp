@@ -28,6 +28,11 @@ inline Jet absolute_jet(const Jet& c) {
   return {c.x.cwiseAbs(), c.f.cwiseAbs(), c.df.cwiseAbs(), c.g.cwiseAbs(), c.dg.cwiseAbs(), c.ddg.cwiseAbs()};
 }
 
+inline JetValues sizes_of(JetValues u) {
+  for (Vector* v : {&u.x, &u.f, &u.df, &u.g, &u.dg, &u.ddg}) *v = v->cwiseAbs();
+  return u;
+}
+
 /// c with the state replaced by D.
 inline Jet composed_jet(const Jet& c, const Jet& D) {
   return {c.x * D.x, c.x * D.f + c.f, c.x * D.df + c.df, c.x * D.g + c.g, c.x * D.dg + c.dg, c.x * D.ddg + c.ddg};
@@ -46,6 +51,11 @@ struct BoundedJet {
   Jet value, terms;
 
   static BoundedJet of(const Jet& c) { return {c, switched::absolute_jet(c)}; }
+  static BoundedJet identity(Index m, Index n) {  ///< the state itself
+    Jet x = Jet::zero(m, m, n);
+    x.x.setIdentity();
+    return of(x);
+  }
   friend BoundedJet operator+(const BoundedJet& a, const BoundedJet& b) {
     return {switched::sum_of_jets(a.value, b.value), switched::sum_of_jets(a.terms, b.terms)};
   }

@@ -3,16 +3,18 @@
 #include "core/base/text.hpp"
 #include "core/derivatives/switched_tape.hpp"
 
-#include <Eigen/QR>
-
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace bromwich {
 
 using namespace switched;
 
 namespace {
+
+constexpr double left_of_larger = 1e-5;   ///< 1e-10 with agreed_at_switch, ten times the tolerance of the integration
+constexpr double left_of_sources = 1e-2;  ///< 1e-7 likewise, how far changes of f and g are from lines
 
 std::string rest_in_words(Index i, double from) {
   return text("y_%ld = w_%ld = 0 from t = %.6g on, and has to stay so", long(i), long(i), from);
@@ -22,15 +24,8 @@ std::string rest_in_words(Index i, double from) {
 
 // The change of the state after the switch, as rows of that before; dt is one row.
 SwitchedTape::Bounded SwitchedTape::saltation(const Switch& s, const Piece* before, Bounded& dt) const {
-  Jet identity = Jet::zero(m_, m_, n_);
-  identity.x.setIdentity();
-  Bounded D = Bounded::of(identity);
+  Bounded D = before ? before->mode->kept : Bounded::identity(m_, n_);
   dt = Bounded::of(Jet::zero(1, m_, n_));
-  if (before && before->mode->rows.constraints.x.rows() > 0) {
-    const SwitchedMode& mode = before->mode->rows;
-    const Matrix back = Eigen::CompleteOrthogonalDecomposition<Matrix>(mode.constraints.x).pseudoInverse();
-    D = D + Matrix(-back) * Bounded::of(mode.constraints);  // all changes that keep the constraints
-  }
   if (s.moves) {
     dt = Matrix{{-1 / s.rate}} * Bounded::of(s.row).after(D);
     D = D + Matrix(s.rate_before) * dt;
@@ -72,7 +67,8 @@ void SwitchedTape::check(Switch& s, const Piece* before, const Piece& after) {
   const auto condition = [&](const Condition& c, const Bounded& rows) {
     // Impacts one after the other lead to other states than those at once, however short the time between them.
     const bool impacts = s.moves && !s.impulses.empty();
-    if (!along_some_ || impacts) not_differentiable_at_switch(c.found, other_switch_data);
+    if (!along_some_ || impacts)
+      not_differentiable_at_switch(c.found, impacts ? "" : "take derivatives along changes that keep it so");
     add_condition(c.found, rows, !before && s.impulses.empty());
     s.conditions.push_back(c);
   };
@@ -110,17 +106,24 @@ void SwitchedTape::check(Switch& s, const Piece* before, const Piece& after) {
     condition({false, -1, 0, text("the state meets several constraints at once at t = %.6g", s.t)}, rows);
 }
 
+// Of a change of the state: what is left of larger ones is zero to the accuracy of the integration.
+Vector SwitchedTape::terms_of(const State& z) {
+  return z.largest.size() > 0 ? Vector(z.x.cwiseAbs() + left_of_larger * z.largest) : Vector(z.x.cwiseAbs());
+}
+
 // Throws where rows of a change are not zero: x and the sources there, what x is made of, and what else is added to
 // the first row, with its terms. `found`: the reason.
-void SwitchedTape::check_zero(const Bounded& rows, JetValues u, const Vector& terms_of_x, double added,
-                              double terms_added, const std::string& found) const {
+void SwitchedTape::check_zero(const Bounded& rows, const Sources& sources, JetValues u, const Vector& terms_of_x,
+                              double added, double terms_added, const std::string& found) const {
   Vector value = evaluate(rows.value, u);
-  for (Vector* v : {&u.f, &u.df, &u.g, &u.dg, &u.ddg}) *v = v->cwiseAbs();
+  u = sizes_of(std::move(u));
+  u.f += left_of_sources * sources.terms_of_f;
+  u.g += left_of_sources * sources.terms_of_g;
   u.x = terms_of_x;
   Vector size = terms(rows.terms, u);
   if (value.size() > 0) value[0] += added, size[0] += terms_added;
   if (((value.cwiseAbs() - agreed_at_switch * size).array() > 0).any())
-    not_differentiable_at_switch(found, other_switch_data);
+    not_differentiable_at_switch(found, "ask for a change that keeps it so");
 }
 
 // The conditions of one side of a switch with a change: x of the state there, and what it is made of.
@@ -132,7 +135,7 @@ void SwitchedTape::check_conditions(const Switch& s, bool before, const Piece& p
     JetValues u = values_of(sources, p, at);
     u.x = x;
     const double rate = alone ? std::max(std::abs(c.rate), size_of(p, c.component) / T_) : 0;
-    check_zero(alone ? component(*p.mode, c.component) : Bounded::of(p.mode->rows.constraints), u, terms_of_x,
+    check_zero(alone ? component(*p.mode, c.component) : Bounded::of(p.mode->rows.constraints), sources, u, terms_of_x,
                alone ? c.rate * dt : 0, rate * std::abs(dt), c.found);
   }
 }
@@ -141,11 +144,10 @@ void SwitchedTape::check_conditions(const Switch& s, bool before, const Piece& p
 void SwitchedTape::check_rest(const Part& part, double share, const Sources& sources, const State& z) const {
   const Piece& p = piece_of(part);
   for (const Index i : part.rests) {
-    const Bounded rows = component(*p.mode, i);
-    if (rows.vanishes()) continue;
+    const Bounded rows = component(*p.mode, i).after(p.mode->kept);
     JetValues u = values_of(sources, p, part.from + share * part.width);
     u.x = z.x;
-    check_zero(rows, u, z.x.cwiseAbs(), 0, 0, rest_in_words(i, p.begin));
+    check_zero(rows, sources, u, terms_of(z), 0, 0, rest_in_words(i, p.begin));
   }
 }
 

@@ -17,8 +17,6 @@ namespace bromwich {
 
 namespace {
 
-constexpr double tolerance = 1e-11;  ///< of the integration, see EventOptions
-
 [[noreturn]] void not_defined(const std::string& found, const std::string& remedy) {
   throw Error("derivative", found, remedy);
 }
@@ -48,7 +46,7 @@ Scene without_mass(const Scene& given, Matrix& inverse) {
   return scene;
 }
 
-EventSolution located(const Scene& scene) {
+EventSolution located(const Scene& scene, double tolerance) {
   EventOptions options;
   options.tolerance = tolerance;
   EventSolution s = integrate_with_events(scene, selection_class(scene.M, scene.lcp_class), scene.breakpoints, options);
@@ -72,7 +70,8 @@ void scale_by(Table& table, const std::vector<int>* rows, const std::vector<int>
 SwitchedDerivative::~SwitchedDerivative() = default;
 SwitchedDerivative::SwitchedDerivative(SwitchedDerivative&&) noexcept = default;
 
-SwitchedDerivative::SwitchedDerivative(const Scene& given, const Vector& times, bool along_some) : t_(times) {
+SwitchedDerivative::SwitchedDerivative(const Scene& given, const Vector& times, bool along_some, double tolerance)
+    : t_(times) {
   given.validate();
   if (const DenseDynamics* d = given.dynamics->small_state(); !d || given.boundary || !given.free_rows.empty())
     not_defined("the scene has no small dense form, or a boundary condition, or free rows",
@@ -88,7 +87,7 @@ SwitchedDerivative::SwitchedDerivative(const Scene& given, const Vector& times, 
   plain.breakpoints_are_all = true;
   units_ = natural_units(plain);
   const Scene scene = in_natural_units(plain, units_);
-  const EventSolution s = located(scene);
+  const EventSolution s = located(scene, tolerance);
   tape_ = std::make_unique<const SwitchedTape>(scene, s, t_, along_some);
   margin_ = tape_->margin();
   switch_times_ = tape_->switch_times();

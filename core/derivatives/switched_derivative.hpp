@@ -35,8 +35,9 @@ class SwitchedDerivative {
   /// `times`: increasing, from 0 to T, those of all tables. Throws Error where the scene is not dense and small, where
   /// the integration with located switches ends early, and where the solution is not differentiable. `along_some`:
   /// where constraints with y_i = w_i = 0 at a switch, at t = 0, or from one switch to the next leave a derivative
-  /// along changes that keep them so, that is one; other changes throw Error.
-  SwitchedDerivative(const Scene&, const Vector& times, bool along_some = false);
+  /// along changes that keep them so, that is one; other changes throw Error. `tolerance`: of the integration
+  /// (EventOptions).
+  SwitchedDerivative(const Scene&, const Vector& times, bool along_some = false, double tolerance = 1e-11);
   ~SwitchedDerivative();
   SwitchedDerivative(SwitchedDerivative&&) noexcept;
 

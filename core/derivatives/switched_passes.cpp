@@ -20,8 +20,8 @@ JetValues back(const Jet& c, const Vector& v) {
 
 }  // namespace
 
-// Constraints on the state that are derivatives of w (a rigid contact) need N B = 0 there; changes have to keep it.
-// Where y is not unique, the change of x must not depend on the one that is taken.
+// Where y is not unique, the change of x must not depend on the one that is taken. Where M_SS is singular, a change of
+// M has to leave its kernels.
 void SwitchedTape::check_ambiguities(const DataChange& c) const {
   const auto moves = [](const Matrix& change, const Matrix& by) {
     if (change.size() == 0 || by.cols() == 0) return false;
@@ -32,11 +32,17 @@ void SwitchedTape::check_ambiguities(const DataChange& c) const {
       throw Error("derivative",
                   "not differentiable here: y is not unique, and the change makes x depend on which y it is",
                   "change equal constraints alike, or leave out one of them");
+  if (c.M.size() == 0) return;
+  for (const auto& [S, kernel] : singular_) {
+    Matrix change = Matrix::Zero(n_, n_);
+    change(S, S) = c.M(S, S);
+    if (moves(change, kernel.right) || moves(change.transpose(), kernel.left))
+      throw Error("M", without_M_, "ask for derivatives with respect to other data");
+  }
 }
 
+// Constraints on the state that are derivatives of w (a rigid contact) need N B = 0 there; changes have to keep it.
 void SwitchedTape::check_structure(const DataChange& c) const {
-  if (c.M.size() > 0 && (c.M.array() != 0).any() && !without_M_.empty())
-    throw Error("M", without_M_, "ask for derivatives with respect to other data");
   check_ambiguities(c);
   if (c.B.size() == 0 && c.N.size() == 0) return;
   for (const auto& [active, mode] : modes_) {
@@ -70,7 +76,22 @@ SwitchedTape::Sources SwitchedTape::changed(const Part& part, const DataChange& 
   if (c.M.size() > 0) s.g += p.y * c.M.transpose();
   if (c.f.size() > 0) s.f.topRows(2) += table_part(c.f, part);
   if (c.g.size() > 0) s.g.topRows(2) += table_part(c.g, part);
+  if (!only_along_.empty()) add_terms(part, c, s);
   return s;
+}
+
+void SwitchedTape::add_terms(const Part& part, const DataChange& c, Sources& s) const {
+  const Piece& p = piece_of(part);
+  s.terms_of_f = Vector::Zero(m_), s.terms_of_g = Vector::Zero(n_);
+  const auto add = [](Vector& to, const Matrix& change, const Matrix& of) {
+    if (change.size() > 0) to += change.cwiseAbs() * of.cwiseAbs().colwise().sum().transpose();
+  };
+  add(s.terms_of_f, c.A, p.x), add(s.terms_of_f, c.B, p.y), add(s.terms_of_f, c.E, p.rate);
+  add(s.terms_of_g, c.N, p.x), add(s.terms_of_g, c.M, p.y);
+  for (const Index j : {part.interval, part.interval + 1}) {
+    if (c.f.size() > 0) s.terms_of_f += c.f.row(j).cwiseAbs().transpose();
+    if (c.g.size() > 0) s.terms_of_g += c.g.row(j).cwiseAbs().transpose();
+  }
 }
 
 void SwitchedTape::add_changed(const Part& part, const Sources& bar, DataChange& to) const {
@@ -130,6 +151,18 @@ void SwitchedTape::add_inputs(const Part& part, const Matrix& bar, Sources& to) 
   if (p.mode->rows.uses_ddg) to.g += D.transpose() * (D.transpose() * of_y) * y.ddg;
 }
 
+// What a change adds to the state within a part, by absolute values.
+void SwitchedTape::add_terms(const Part& part, const Sources& s, State& z) const {
+  const Piece& p = piece_of(part);
+  const double length = part.width * p.length;
+  for (const double share : {0.0, 1.0}) {
+    JetValues u = switched::sizes_of(values_of(s, p, part.from + share * part.width));
+    u.x = z.x.cwiseAbs();
+    const Vector rate = system_.A.cwiseAbs() * u.x + u.f + system_.B.cwiseAbs() * terms(p.mode->rows.y, u);
+    z.largest = z.largest.cwiseMax(u.x + length * rate);
+  }
+}
+
 void SwitchedTape::advance(const Part& part, const Sources& s, State& z) const {
   const PartMaps& maps = *part.maps;
   Vector both(m_ + n_);
@@ -137,6 +170,7 @@ void SwitchedTape::advance(const Part& part, const Sources& s, State& z) const {
   const Matrix u = inputs(part, s);
   Vector next = maps.decay * both;
   for (Index k = 0; k <= tape_degree; ++k) next += maps.inputs[std::size_t(k)] * u.row(k).transpose();
+  if (z.largest.size() > 0) add_terms(part, s, z);
   z.x = next.head(m_);
   z.integral = next.tail(n_);
 }
@@ -176,7 +210,7 @@ void SwitchedTape::project_back(const Part& part, Sources& of, State& bar) const
 void SwitchedTape::pass(const Switch& s, const Part* before, const Sources& of_before, const Part& after,
                         const Sources& of_after, const DataChange& c, State& z, double moved) const {
   double dt = moved;
-  Vector terms_of_x = z.x.cwiseAbs();
+  Vector terms_of_x = terms_of(z);
   if (s.moves) {
     JetValues u = values_of(of_before, piece_of(*before), before->from + before->width);
     u.x = z.x;
@@ -203,6 +237,7 @@ void SwitchedTape::pass(const Switch& s, const Part* before, const Sources& of_b
     z.x -= dt * s.rate_after;
     z.integral -= dt * s.y_after;
   }
+  if (z.largest.size() > 0) z.largest = z.largest.cwiseMax(terms_of_x);
   check_conditions(s, false, piece_of(after), after.from, of_after, z.x, terms_of_x, dt);
 }
 
@@ -273,7 +308,8 @@ SolutionChange SwitchedTape::jvp(const DataChange& c, const std::vector<MovingJu
   const Index rows = t_.size();
   SolutionChange out{RowMatrix::Zero(rows, n_), RowMatrix::Zero(rows, m_), RowMatrix::Zero(rows, n_),
                      RowMatrix::Zero(rows, n_)};
-  State z{c.x0.size() > 0 ? c.x0 : Vector::Zero(m_), Vector::Zero(n_)};
+  State z{c.x0.size() > 0 ? c.x0 : Vector::Zero(m_), Vector::Zero(n_), {}};
+  if (!only_along_.empty()) z.largest = z.x.cwiseAbs();
   const Part* before = nullptr;
   Sources last = no_sources();
   for (const Part& part : parts_) {
@@ -288,7 +324,7 @@ SolutionChange SwitchedTape::jvp(const DataChange& c, const std::vector<MovingJu
       z.integral += by * (left.y.transpose() * end - right.y.transpose() * begin);
     }
     project(part, s, z);
-    if (part.row >= 0) write(part.row, part, part.from, z, s, out);
+    for (Index row = part.first_row; row <= part.row; ++row) write(row, part, part.from, z, s, out);
     check_rest(part, 0, s, z);
     advance(part, s, z);
     check_rest(part, 1, s, z);
@@ -309,14 +345,14 @@ DataChange SwitchedTape::vjp(const SolutionChange& of) const {
                 Matrix::Zero(n_, m_),
                 Matrix::Zero(n_, n_),
                 Matrix::Zero(m_, m_)};
-  State bar{Vector::Zero(m_), Vector::Zero(n_)};
+  State bar{Vector::Zero(m_), Vector::Zero(n_), {}};
   Sources sources = no_sources();
   read(rows - 1, parts_.back(), parts_.back().from + parts_.back().width, of, bar, sources);
   for (std::size_t k = parts_.size(); k-- > 0;) {
     const Part& part = parts_[k];
     Sources before = no_sources();
     advance_back(part, sources, bar);
-    if (part.row >= 0) read(part.row, part, part.from, of, bar, sources);
+    for (Index row = part.first_row; row <= part.row; ++row) read(row, part, part.from, of, bar, sources);
     project_back(part, sources, bar);
     if (part.change >= 0)
       pass_back(switches_[std::size_t(part.change)], k > 0 ? &parts_[k - 1] : nullptr, before, part, sources, to, bar);

@@ -3,9 +3,11 @@
 #include "core/base/text.hpp"
 
 #include <Eigen/LU>
+#include <Eigen/QR>
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 
 namespace bromwich {
 
@@ -40,16 +42,37 @@ std::vector<double> SwitchedTape::switch_times() const {
   return all;
 }
 
+namespace {
+
+// Without coefficients that are rounding of those beside them: the currents of two elements in series are equal.
+void leave_out_rounding(Jet& rows) {
+  constexpr double rounding = 1e-13;
+  for (Matrix* block : {&rows.x, &rows.f, &rows.df, &rows.g, &rows.dg, &rows.ddg})
+    for (Index i = 0; i < block->rows(); ++i) {
+      const double least = block->cols() > 0 ? rounding * block->row(i).cwiseAbs().maxCoeff() : 0;
+      for (Index k = 0; k < block->cols(); ++k)
+        if (std::abs((*block)(i, k)) <= least) (*block)(i, k) = 0;
+    }
+}
+
+}  // namespace
+
 const SwitchedTape::Mode* SwitchedTape::mode_of(const std::vector<Index>& active) {
   const auto known = modes_.find(active);
   if (known != modes_.end()) return &known->second;
   std::optional<SwitchedMode> rows = make_switched_mode(system_, active);
   if (!rows)
     not_differentiable_at_switch("an active set does not determine y", "remove constraints that repeat each other");
+  leave_out_rounding(rows->y);
   Matrix A = Matrix::Zero(m_ + n_, m_ + n_);
   A.topLeftCorner(m_, m_) = rows->A;
   A.bottomLeftCorner(n_, m_) = rows->y.x;
-  return &modes_.emplace(active, Mode{std::move(*rows), std::move(A)}).first->second;
+  Bounded kept = Bounded::identity(m_, n_);
+  if (const Jet& constraints = rows->constraints; constraints.x.rows() > 0) {
+    const Matrix back = Eigen::CompleteOrthogonalDecomposition<Matrix>(constraints.x).pseudoInverse();
+    kept = kept + Matrix(-back) * Bounded::of(constraints);
+  }
+  return &modes_.emplace(active, Mode{std::move(*rows), std::move(A), std::move(kept)}).first->second;
 }
 
 const PartMaps* SwitchedTape::maps_of(const Mode* mode, double length) {
@@ -63,7 +86,7 @@ void SwitchedTape::add_pieces(const Scene& scene, const EventSolution& s) {
   for (const EventPiece& p : s.pieces) {
     if (p.passed)
       not_differentiable_at_switch(text("switches accumulate, or a kink is not known exactly, at t = %.6g", p.begin),
-                                   other_switch_data);
+                                   "");
     const EventSources::Polynomials given = sources.sample(p.begin, p.length);
     const Matrix rate = p.x * system_.A.transpose() + p.y * system_.B.transpose() + given.f;
     pieces_.push_back({mode_of(p.active),
@@ -118,8 +141,7 @@ void SwitchedTape::find_sizes(const EventSolution& s) {
   Vector most_y = Vector::Constant(n_, 1e-290), most_w = most_y;
   for (std::size_t k = 0; k < pieces_.size(); ++k) {
     Piece& p = pieces_[k];
-    JetValues u = values_of(p.sources, p, 0);
-    for (Vector* v : {&u.f, &u.df, &u.g, &u.dg, &u.ddg}) *v = v->cwiseAbs();
+    JetValues u = sizes_of(values_of(p.sources, p, 0));
     u.x = p.x.cwiseAbs().colwise().sum().transpose();
     for (const EventImpulse& impulse : s.pieces[k].impulses) u.x += (system_.B * impulse.p).cwiseAbs();
     const Vector of_y = terms(p.mode->rows.y, u), y = p.y.cwiseAbs().colwise().sum().transpose();
@@ -170,7 +192,8 @@ void SwitchedTape::cut(Index piece, double end, Index& row) {
   double from = p.begin;
   while (from < end) {
     Part part{piece, (from - p.begin) / p.length, 0, nullptr, {}, 0};
-    if (row < t_.size() - 1 && t_[row] <= from + same_time * T_) part.row = row++;
+    part.first_row = row;
+    while (row < t_.size() - 1 && t_[row] <= from + same_time * T_) part.row = row++;
     part.interval = std::clamp<Index>(row - 1, 0, t_.size() - 2);
     const double to = row < t_.size() - 1 && t_[row] < end - same_time * T_ ? t_[row] : end;
     part.width = (to - from) / p.length;
@@ -201,8 +224,7 @@ void SwitchedTape::add_switch(const EventSolution& solution, std::size_t k, cons
       const double most = size_of(from, s.component);
       const double transversality = T_ * std::abs(s.rate) / most;
       if (!(std::abs(end.dot(c)) <= 1e-4 * most) || !(transversality > grazing))
-        not_differentiable_at_switch(text("a constraint is only touched at t = %.6g (a grazing switch)", s.t),
-                                     other_switch_data);
+        not_differentiable_at_switch(text("a constraint is only touched at t = %.6g (a grazing switch)", s.t), "");
       if (transversality < margin_.transversality) margin_.transversality = transversality, margin_.grazing_time = s.t;
       for (const double t : breakpoints)
         if (std::abs(t - s.t) <= near_switch * T_)
@@ -281,10 +303,11 @@ double SwitchedTape::least_beside(const std::vector<Sample>& run, std::size_t k,
 // Whether component i, which is zero on the piece of these samples, may be so: it stays zero with all changes, or
 // along_some.
 bool SwitchedTape::may_rest(const std::vector<Sample>& run, std::size_t first, std::size_t last, Index i) {
-  const Bounded rows = component(*pieces_[std::size_t(run[first].piece)].mode, i);
+  const Mode& mode = *pieces_[std::size_t(run[first].piece)].mode;
+  const Bounded rows = component(mode, i).after(mode.kept);
   const bool always = rows.vanishes();
   if (!always && !along_some_) return false;
-  std::vector<Index> together = pieces_[std::size_t(run[first].piece)].mode->rows.active;
+  std::vector<Index> together = mode.rows.active;
   together.push_back(i);
   find_ambiguity(together);
   if (!always) add_condition(text("y_%ld = w_%ld = 0 from t = %.6g on", long(i), long(i), run[first].t), rows, false);
@@ -297,7 +320,7 @@ bool SwitchedTape::may_rest(const std::vector<Sample>& run, std::size_t first, s
 // The samples of pieces on which component i is zero and may be so, as w_i of two bounds that coincide. Zeros beside
 // such a piece belong to it.
 std::vector<char> SwitchedTape::resting(const std::vector<Sample>& run, Index i) {
-  const auto zero = [&](std::size_t k) { return std::abs(run[k].c[i]) <= vanishing_component; };
+  const auto zero = [&](std::size_t k) { return std::abs(run[k].c[i]) <= degenerate_margin; };
   std::vector<char> found(run.size(), 0);
   for (std::size_t first = 0, last = 0; first < run.size(); first = last) {
     bool all = true;
@@ -330,36 +353,82 @@ void SwitchedTape::measure_run(const std::vector<Sample>& run, bool to_end) {
   }
 }
 
-// v with M_SS v = 0 and B_S v = 0, u with u^T M_SS = 0 and u^T N_S = 0.
-void SwitchedTape::find_ambiguity(const std::vector<Index>& together) {
+namespace {
+
+// Vectors v (n x k, zero outside S) with first v_S = 0 and second v_S = 0.
+Matrix common_kernel(const Matrix& first, const Matrix& second, const std::vector<Index>& S, Index n) {
   constexpr double zero = 1e-12;
-  if (together.empty() || ambiguities_.contains(together)) return;
   const auto scaled = [](const Matrix& a) -> Matrix {
     const double size = a.size() > 0 ? a.cwiseAbs().maxCoeff() : 0;
     return size > 0 ? Matrix(a / size) : a;
   };
-  const auto kernel = [&](const Matrix& first, const Matrix& second) -> Matrix {
-    Matrix both(first.rows() + second.rows(), first.cols());
-    both << scaled(first), scaled(second);
-    Eigen::FullPivLU<Matrix> lu(both);
-    lu.setThreshold(zero);
-    Matrix all = Matrix::Zero(n_, lu.dimensionOfKernel());
-    if (all.cols() > 0) all(together, Eigen::all) = lu.kernel();
-    return all;
-  };
+  Matrix both(first.rows() + second.rows(), first.cols());
+  both << scaled(first), scaled(second);
+  Eigen::FullPivLU<Matrix> lu(both);
+  lu.setThreshold(zero);
+  Matrix all = Matrix::Zero(n, lu.dimensionOfKernel());
+  if (all.cols() > 0) all(S, Eigen::all) = lu.kernel();
+  return all;
+}
+
+}  // namespace
+
+// v with M_SS v = 0 and B_S v = 0, u with u^T M_SS = 0 and u^T N_S = 0.
+void SwitchedTape::find_ambiguity(const std::vector<Index>& together) {
+  if (together.empty() || ambiguities_.contains(together)) return;
   const Matrix M = system_.M(together, together);
-  ambiguities_[together] = {kernel(M, system_.B(Eigen::all, together)),
-                            kernel(M.transpose(), system_.N(together, Eigen::all).transpose())};
+  ambiguities_[together] = {common_kernel(M, system_.B(Eigen::all, together), together, n_),
+                            common_kernel(M.transpose(), system_.N(together, Eigen::all).transpose(), together, n_)};
+}
+
+// The kernels of M_SS. A change of M that does not keep them turns constraints on the state, or a jump of y, into fast
+// motions, which are stable on one side only.
+void SwitchedTape::find_singular(const std::vector<Index>& S) {
+  if (S.empty() || singular_.contains(S)) return;
+  const Matrix M = system_.M(S, S), none(0, Index(S.size()));
+  singular_[S] = {common_kernel(M, none, S, n_), common_kernel(M.transpose(), none, S, n_)};
+}
+
+// The sets that a jump of y may pass through.
+void SwitchedTape::find_singular_between(const std::vector<Index>& from, const std::vector<Index>& to,
+                                         Index component) {
+  constexpr std::size_t most_looked_at = 8;
+  std::vector<Index> both, either, changing;
+  std::set_intersection(from.begin(), from.end(), to.begin(), to.end(), std::back_inserter(both));
+  std::set_union(from.begin(), from.end(), to.begin(), to.end(), std::back_inserter(either));
+  if (const auto at = std::lower_bound(either.begin(), either.end(), component); at == either.end() || *at != component)
+    either.insert(at, component);
+  std::erase(both, component);
+  std::set_difference(either.begin(), either.end(), both.begin(), both.end(), std::back_inserter(changing));
+  if (changing.size() > most_looked_at) {  // no change at all
+    singular_[either] = {Matrix::Identity(n_, n_)(Eigen::all, either), Matrix::Identity(n_, n_)(Eigen::all, either)};
+    return;
+  }
+  for (std::size_t chosen = 0; chosen < std::size_t(1) << changing.size(); ++chosen) {
+    std::vector<Index> S = both;
+    for (std::size_t i = 0; i < changing.size(); ++i)
+      if (chosen >> i & 1) S.push_back(changing[i]);
+    std::sort(S.begin(), S.end());
+    find_singular(S);
+  }
 }
 
 void SwitchedTape::judge_M() {
-  for (const auto& [active, mode] : modes_) find_ambiguity(active);
-  for (const auto& [active, mode] : modes_)
-    if (mode.rows.constraints.x.rows() > 0 && without_M_.empty())
+  for (const auto& [active, mode] : modes_) {
+    find_ambiguity(active);
+    if (mode.rows.constraints.x.rows() == 0) continue;
+    find_singular(active);
+    if (without_M_.empty())
       without_M_ = "M_SS is singular on an active set, and a change of M can act from one side only";
-  for (const Switch& s : switches_) {
-    if (!without_M_.empty() || !s.moves || n_ == 0) continue;
-    if (((s.y_after - s.y_before).cwiseAbs() - 1e-6 * pieces_.back().most_y).maxCoeff() > 0)
+  }
+  for (std::size_t k = 1; k < parts_.size(); ++k) {
+    if (parts_[k].change < 0) continue;
+    const Switch& s = switches_[std::size_t(parts_[k].change)];
+    if (!s.moves || n_ == 0) continue;
+    if (((s.y_after - s.y_before).cwiseAbs() - 1e-6 * pieces_.back().most_y).maxCoeff() <= 0) continue;
+    find_singular_between(piece_of(parts_[k - 1]).mode->rows.active, piece_of(parts_[k]).mode->rows.active,
+                          s.component);
+    if (without_M_.empty())
       without_M_ = text("y jumps at the switch at t = %.6g, and a change of M removes the jump", s.t);
   }
 }

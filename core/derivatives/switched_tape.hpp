@@ -46,11 +46,13 @@ class SwitchedTape {
   // A mode with (x, integral of y) as its state.
   struct Mode {
     SwitchedMode rows;
-    Matrix A;  ///< [[A_S, 0], [Y_x, 0]]
+    Matrix A;      ///< [[A_S, 0], [Y_x, 0]]
+    Bounded kept;  ///< the changes of the state that keep the constraints, m rows of all changes
   };
   // Legendre coefficients of f and g, or of f~ and g~, on a part.
   struct Sources {
     Matrix f, g;
+    Vector terms_of_f = {}, terms_of_g = {};  ///< what f~ and g~ are made of, where something has to stay zero
   };
   // A piece of the solution in one mode. All polynomials are those on [begin, begin + length].
   struct Piece {
@@ -64,10 +66,10 @@ class SwitchedTape {
     Index piece;
     double from, width;  ///< of [0, 1] of the piece
     const PartMaps* maps;
-    Matrix inputs;      ///< polynomials on the part from those on the piece
-    Index interval;     ///< j: the part lies within t_j and t_{j+1}
-    Index row = -1;     ///< the time at the begin; -1: none
-    Index change = -1;  ///< the Switch at the begin; -1: none
+    Matrix inputs;                  ///< polynomials on the part from those on the piece
+    Index interval;                 ///< j: the part lies within t_j and t_{j+1}
+    Index first_row = 0, row = -1;  ///< the times at the begin, the last of which begins the interval; -1: none
+    Index change = -1;              ///< the Switch at the begin; -1: none
     /// Components that are zero on the whole piece, and have to stay so with a change.
     std::vector<Index> rests = {};
   };
@@ -96,6 +98,7 @@ class SwitchedTape {
   };
   struct State {
     Vector x, integral;
+    Vector largest;  ///< what x_i of a change is made of, up to here; empty where nothing has to stay zero
   };
   // Of the constraints S that are zero together: with v of `right` y + v solves the same problem and moves no state,
   // and u of `left` is not in any w_S. Both n x k.
@@ -134,12 +137,16 @@ class SwitchedTape {
   std::vector<char> resting(const std::vector<Sample>&, Index i);
   void measure_run(const std::vector<Sample>&, bool to_end);
   void add_condition(const std::string& found, const Bounded& rows, bool at_start);
-  void check_zero(const Bounded& rows, JetValues u, const Vector& terms_of_x, double added, double terms_added,
-                  const std::string& found) const;
+  void check_zero(const Bounded& rows, const Sources&, JetValues u, const Vector& terms_of_x, double added,
+                  double terms_added, const std::string& found) const;
+  void add_terms(const Part&, const DataChange&, Sources&) const;
+  static Vector terms_of(const State&);
   void check_rest(const Part&, double share, const Sources&, const State&) const;
   double least_beside(const std::vector<Sample>&, std::size_t k, Index i) const;
   void judge_M();
   void find_ambiguity(const std::vector<Index>& together);
+  void find_singular(const std::vector<Index>& S);
+  void find_singular_between(const std::vector<Index>& from, const std::vector<Index>& to, Index component);
   void check_ambiguities(const DataChange&) const;
   void check_structure(const DataChange&) const;
 
@@ -150,6 +157,7 @@ class SwitchedTape {
   void add_table_part(const Matrix& bar, const Part&, RowMatrix& to) const;
   Matrix inputs(const Part&, const Sources&) const;
   void add_inputs(const Part&, const Matrix& bar, Sources& to) const;
+  void add_terms(const Part&, const Sources&, State&) const;
   void advance(const Part&, const Sources&, State&) const;
   void advance_back(const Part&, Sources& of, State& bar) const;
   void project(const Part&, const Sources&, State&) const;
@@ -181,6 +189,7 @@ class SwitchedTape {
   bool along_some_;
   std::string without_M_, only_along_;
   std::map<std::vector<Index>, Ambiguity> ambiguities_;  ///< of each set that was looked at; most are empty
+  std::map<std::vector<Index>, Ambiguity> singular_;     ///< kernels of M_SS that a change of M has to keep
   ConditionedData conditioned_;
 };
 

@@ -80,17 +80,20 @@ class BatchResult(BatchOutput):
         """K booleans: whether the status is ``solved``."""
         return np.array([s is Status.solved for s in self.status])
 
-    def derivative(self, *, located: bool | None = None, threads: int = 1) -> BatchDerivative:
-        """The derivatives of all scenes, with their ``jvp`` and ``vjp`` (:class:`BatchDerivative`). The rows have to be the
-        time points of the grid: solve without ``times`` and ``tol``.
+    def derivative(self, *, located: bool | None = None, threads: int = 1, failed: str = "nan") -> BatchDerivative:
+        """The derivatives of all scenes, with their ``jvp`` and ``vjp`` (:class:`BatchDerivative`). With located switches
+        the rows may have any ``times``; otherwise they have to be the time points of the grid, without ``times`` and
+        ``tol``.
 
         Args:
-            located: with located switches; None: where M is not of class P.
+            located: with located switches; None: where M is not of class P, and where ``times`` were given.
             threads: for ``jvp`` and ``vjp``; 0: all.
+            failed: what scenes without a derivative have in the tables, ``"nan"`` or ``"zero"``; ``"raise"``: the first one
+                raises an :class:`Error`.
         """
         if isinstance(self._answer, DealtAnswer):
             raise Error("derivative: is asked of scenes on several ranks; solve the scenes of each rank without ranks", "ranks")
-        return BatchDerivative(self._answer, located, threads)
+        return BatchDerivative(self._answer, located, threads, failed)
 
     def __len__(self) -> int:
         return self._answer.scenes
@@ -259,7 +262,7 @@ def _split(arguments: dict[str, Any]) -> tuple[dict[str, np.ndarray], np.ndarray
             continue
         array = on_host(given, name)
         if array.ndim == one + 1:
-            common[name] = array[0] if array.shape[0] else array
+            common[name] = _first_finite(array) if array.shape[0] else array
             if name == "x0":
                 x0 = np.ascontiguousarray(array)
                 common[name] = np.zeros(array.shape[1])
@@ -278,3 +281,9 @@ def _split(arguments: dict[str, Any]) -> tuple[dict[str, np.ndarray], np.ndarray
         if name in own:
             common[name] = None
     return axes, x0, own, common
+
+
+def _first_finite(array: np.ndarray) -> np.ndarray:
+    """Entries for what all scenes have in common. Each scene has its own, and says what is wrong with them."""
+    good = np.isfinite(array).reshape(array.shape[0], -1).all(axis=1)
+    return array[np.argmax(good)] if good.any() else np.zeros_like(array[0])

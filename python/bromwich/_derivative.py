@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from . import _core
+from ._errors import Error
 from ._result_derivative import Margin, ResultDerivative, Tangent, tables, values
 from ._sources import _require
 
@@ -47,7 +49,8 @@ class ParameterGradient(NamedTuple):
 
 
 class Derivative(ResultDerivative):
-    """The derivative of a solution, exact and not by differences.
+    """The derivative of a solution, not by differences. It is exact for the steps of the solve, or with located switches for
+    the solution; :meth:`vjp_error` estimates how far they are apart.
 
     Made by :meth:`Result.derivative`. ``jvp`` follows a change of the data forward in time, ``vjp`` gives the gradient
     of a number with respect to all data by one pass backward. Where y is continuous it is the derivative of the discrete
@@ -114,6 +117,42 @@ class Derivative(ResultDerivative):
         """
         return Gradient(*self._core.vjp(*tables(y=y, x=x, w=w, integral=integral), bool(x0)))
 
+    def jvp_error(self, *, states: bool = False, **changes: Any) -> Tangent:
+        """The estimated error of each entry of :meth:`jvp` against the solution that the steps approximate: twice what half
+        the step changes, or, with located switches, what a hundred times the tolerance of the integration changes. The
+        scene is solved once more, on the first call.
+
+        Args:
+            changes, states: as for :meth:`jvp`.
+
+        Raises:
+            Error: as :meth:`jvp`, and where the solution with half the step is not found or has no derivative.
+        """
+        given = {name: changes.pop(name, None) for name in "x0 f g A B N M E b E0 ET".split()}
+        for name in changes:
+            raise Error(f"{name}: is not known; use {', '.join(given)}", name)
+        *arrays, E0, ET = tables(**{name: given[name] for name in "f g A B N M E E0 ET".split()})
+        x0, b = (None if given[name] is None else values(given[name], name).ravel() for name in ("x0", "b"))
+        return Tangent(*self._error.jvp(x0, *arrays, b, E0, ET, bool(states)))
+
+    def vjp_error(
+        self, *, y: Any = None, x: Any = None, w: Any = None, integral: Any = None, x0: bool = True
+    ) -> Gradient:
+        """The estimated error of each entry of :meth:`vjp`, as :meth:`jvp_error`. Where the solution is right to three
+        digits its gradient may be off by a third: a switch between two time points moves it by a share of the step.
+
+        Args:
+            y, x, w, integral, x0: as for :meth:`vjp`.
+
+        Example:
+            >>> d.vjp_error(x=np.eye(401, 2, k=-400)).x0     # of the gradient of x_0(T) with respect to x0
+        """
+        return Gradient(*self._error.vjp(*tables(y=y, x=x, w=w, integral=integral), bool(x0)))
+
+    @cached_property
+    def _error(self) -> Any:
+        return self._core.error(self._result._answer)
+
     def jvp_parameters(
         self,
         *,
@@ -173,10 +212,12 @@ class BatchDerivative:
     """The derivatives of the scenes of a batch, with the scenes as leading axis.
 
     Made by :meth:`BatchResult.derivative`. A scene that is not solved, or not differentiable where it is, has a line in
-    ``reason`` and NaN in all tables; the others do not see it.
+    ``reason`` and NaN (with ``failed="zero"``: 0) in all tables; the others do not see it. Changes and weights of a scene
+    that are not finite count as no derivative of this scene.
 
     Attributes:
         reason: K lines, empty where there is a derivative.
+        ok: K booleans, whether there is one.
         located: K booleans, whether switches are located.
         side_by_side: how many scenes are differentiated together, on a device.
         margin: K of :class:`Margin`.
@@ -185,9 +226,14 @@ class BatchDerivative:
     # Number of axes for one scene; an array with one more has the scenes as leading axis.
     _AXES = {"x0": 1, "f": 2, "g": 2, "A": 2, "B": 2, "N": 2, "M": 2, "E": 2, "y": 2, "x": 2, "w": 2, "integral": 2}
 
-    def __init__(self, answer: _core.BatchAnswer, located: bool | None = None, threads: int = 1) -> None:
+    def __init__(
+        self, answer: _core.BatchAnswer, located: bool | None = None, threads: int = 1, failed: str = "nan"
+    ) -> None:
+        _require(failed in ("nan", "zero", "raise"), "failed", f"found {failed!r}", "use nan, zero or raise")
         self._core, self._K, self._threads = _core.BatchDerivative(answer, located), answer.scenes, threads
+        self._failed = failed
         self.reason: list[str] = self._core.reason
+        self.ok = np.array([not reason for reason in self.reason])
         self.located = np.array(self._core.located)
         self.side_by_side: int = self._core.side_by_side
         self.margin = [Margin(*one) for one in self._core.margin]
@@ -198,8 +244,10 @@ class BatchDerivative:
         Args:
             changes: x0, f, g, A, B, N, M, E as :meth:`Derivative.jvp` takes them, or with a leading axis of length K.
         """
-        *found, reason = self._core.jvp(self._each(changes, "x0 f g A B N M E"), self._threads)
-        return Tangent(*(self._stacked(t) for t in found)), reason
+        given, finite = self._each(changes, "x0 f g A B N M E")
+        *found, reason = self._core.jvp(given, self._threads)
+        found, reason = self._judged([self._stacked(t) for t in found], reason, finite)
+        return Tangent(*found), reason
 
     def vjp(self, **weights: Any) -> tuple[Gradient, list[str]]:
         """The gradients of one number each: members with a leading axis of length K, and K reasons. M of a scene is NaN
@@ -208,15 +256,33 @@ class BatchDerivative:
         Args:
             weights: y, x, w, integral as :meth:`Derivative.vjp` takes them, or with a leading axis of length K.
         """
-        x0, *found, reason = self._core.vjp(self._each(weights, "y x w integral"), self._threads)
-        x0 = None if x0 is None else self._stacked(x0)[:, :, 0]
-        return Gradient(x0, *(self._stacked(t) for t in found)), reason
+        given, finite = self._each(weights, "y x w integral")
+        *found, reason = self._core.vjp(given, self._threads)
+        found, reason = self._judged([self._stacked(t) for t in found], reason, finite)
+        if found[0] is not None:
+            found[0] = found[0][:, :, 0]
+        return Gradient(*found), reason
+
+    def _judged(self, tables: list[Any], reason: list[str], finite: np.ndarray) -> tuple[list[Any], list[str]]:
+        """What scenes without a derivative have, by ``failed``."""
+        reason = [r or ("" if good else "derivative: changes or weights are not finite") for r, good in zip(reason, finite)]
+        bad = np.array([bool(r) for r in reason])
+        if self._failed == "raise" and bad.any():
+            k = int(np.argmax(bad))
+            raise Error(f"scene {k}: {reason[k]}", "derivative")
+        if bad.any():
+            tables = [None if t is None else np.array(t) for t in tables]
+            for t in tables:
+                if t is not None:
+                    t[bad] = 0 if self._failed == "zero" else np.nan
+        return tables, reason
 
     def _stacked(self, table: np.ndarray | None) -> Any:
         return None if table is None else table.reshape(self._K, -1, table.shape[1])
 
-    def _each(self, given: dict[str, Any], names: str) -> dict[str, np.ndarray]:
-        taken = {}
+    def _each(self, given: dict[str, Any], names: str) -> tuple[dict[str, np.ndarray], np.ndarray]:
+        """Tables for the compiled part, and whether those of each scene are finite."""
+        taken, finite = {}, np.ones(self._K, dtype=bool)
         for name, value in given.items():
             _require(name in names.split(), name, "is not known", f"use {', '.join(names.split())}")
             if value is None:
@@ -227,5 +293,10 @@ class BatchDerivative:
             _require(not own or v.shape[0] == self._K, name, f"has a leading axis of length {v.shape[0] if own else 0}",
                      f"give {self._K} entries, or one for all")
             v = np.broadcast_to(v, (self._K, *v.shape[-axes:]))
-            taken[name] = np.ascontiguousarray(v[:, None, :] if v.ndim == 2 else v)
-        return taken
+            v = v[:, None, :] if v.ndim == 2 else v
+            good = np.isfinite(v).all(axis=(1, 2))
+            if own and not good.all():
+                v = np.where(good[:, None, None], v, 0)
+                finite &= good
+            taken[name] = np.ascontiguousarray(v)
+        return taken, finite

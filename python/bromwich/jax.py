@@ -14,9 +14,13 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import ShapedArray
+from jax.extend.core import Primitive
+from jax.interpreters import ad, batching, mlir
 
 from . import _differentiable as common
 from . import _on_device as on_device
+from ._differentiable import STATUSES
 from ._errors import Error
 
 _LIBRARY = on_device.Library(
@@ -35,37 +39,119 @@ def _named(data: tuple) -> dict[str, np.ndarray | None]:
     return {name: None if name in "fg" and v.shape[-1] == 0 else v for name, v in arrays.items()}
 
 
-def _of_host(how: tuple, *data: Any) -> tuple:
-    return common.Solved(_named(data), *how).outputs()
+# ---- On the host: three primitives, the solve and the two directions of its derivative. Their arrays have the leading
+# axes of all scenes, of length 1 where scenes share one. Arrays with values are passed to the solver as they are, so that
+# its errors are those of Python; only under jax.jit it is called back.
 
 
-def _back_on_host(how: tuple, data: tuple, of: tuple) -> tuple:
+def _leading(arrays: Any, names: Any) -> tuple[int, ...]:
+    return np.broadcast_shapes(*(v.shape[: v.ndim - common.AXES.get(name, 2)] for name, v in zip(names, arrays)))
+
+
+def _of_host(how: common.How, *data: Any) -> tuple:
+    solved = common.Solved(_named(data), *how)
+    return *solved.outputs(), solved.status.astype(np.float64)
+
+
+def _shapes_of_solution(how: common.How, *data: Any) -> list[tuple[int, ...]]:
+    every, m, n = _leading(data, common.DATA), data[3].shape[-1], data[6].shape[-1]
+    return [*((*every, how.steps + 1, k) for k in (n, m, n)), every]
+
+
+def _tangent_on_host(how: common.How, *given: Any) -> tuple:
+    data, changes = given[: len(common.DATA)], given[len(common.DATA) :]
+    return common.Solved(_named(data), *how).tangent(_named(changes))
+
+
+def _shapes_of_tangent(how: common.How, *given: Any) -> list[tuple[int, ...]]:
+    every, m, n = _leading(given, common.DATA * 2), given[3].shape[-1], given[6].shape[-1]
+    return [(*every, how.steps + 1, k) for k in (n, m, n)]
+
+
+def _gradient_on_host(how: common.How, *given: Any) -> tuple:
+    data, of = given[: len(common.DATA)], given[len(common.DATA) :]
     bars = common.Solved(_named(data), *how).gradient(of)
-    every = np.shape(bars[0])[:-1]  # of x0
-    return tuple(np.zeros((*every, *np.shape(v)[-2:])) if bar is None else bar for bar, v in zip(bars, data))
+    shapes = _shapes_of_gradient(how, *given)
+    return tuple(np.zeros(shape) if bar is None else bar for bar, shape in zip(bars, shapes))
 
 
-def _called(function: Any, shapes: Any, *arguments: Any) -> Any:
-    return jax.pure_callback(function, shapes, *arguments, vmap_method="expand_dims")
+def _shapes_of_gradient(how: common.How, *given: Any) -> list[tuple[int, ...]]:
+    every = _leading(given, (*common.DATA, "y", "x", "w"))
+    return [(*every, *v.shape[v.ndim - common.AXES[name] :]) for name, v in zip(common.DATA, given)]
 
 
-@functools.partial(jax.custom_vjp, nondiff_argnums=(0,))
-def _solve(how: tuple, *data: Any) -> tuple:
-    rows, m, n = how[1] + 1, data[3].shape[-1], data[6].shape[-1]
-    shapes = tuple(jax.ShapeDtypeStruct((rows, k), jnp.float64) for k in (n, m, n))
-    return _called(functools.partial(_of_host, how), shapes, *data)
+def _primitive(name: str, on_host: Any, shapes: Any) -> Primitive:
+    primitive = Primitive(f"bromwich_{name}")
+    primitive.multiple_results = True
+
+    def called_back(*given: Any, how: common.How) -> list:
+        results = [jax.ShapeDtypeStruct(shape, jnp.float64) for shape in shapes(how, *given)]
+        return list(jax.pure_callback(functools.partial(_shortly, on_host, how), tuple(results), *given))
+
+    def mapped(given: Any, axes: Any, how: common.How) -> tuple:
+        moved = [v[None] if axis is None else jnp.moveaxis(v, axis, 0) for v, axis in zip(given, axes)]
+        found = primitive.bind(*moved, how=how)
+        return found, [0] * len(found)
+
+    primitive.def_impl(lambda *given, how: [jnp.asarray(v) for v in on_host(how, *(np.asarray(v) for v in given))])
+    primitive.def_abstract_eval(lambda *given, how: [ShapedArray(s, np.dtype(np.float64)) for s in shapes(how, *given)])
+    batching.primitive_batchers[primitive] = mapped
+    mlir.register_lowering(primitive, mlir.lower_fun(called_back, multiple_results=True))
+    return primitive
 
 
-def _forward(how: tuple, *data: Any) -> tuple:
-    return _solve(how, *data), data
+def _shortly(on_host: Any, how: common.How, *given: Any) -> tuple:
+    """An error is raised here, so that JAX has no more of its frames to print."""
+    try:
+        return on_host(how, *given)
+    except ValueError as error:
+        short = Error(str(error), getattr(error, "argument", ""))
+    raise short from None
 
 
-def _backward(how: tuple, data: tuple, of: tuple) -> tuple:
-    shapes = tuple(jax.ShapeDtypeStruct(v.shape, jnp.float64) for v in data)
-    return _called(functools.partial(_back_on_host, how), shapes, data, of)
+_solution = _primitive("solution", _of_host, _shapes_of_solution)
+_tangent = _primitive("tangent", _tangent_on_host, _shapes_of_tangent)
+_gradient = _primitive("gradient", _gradient_on_host, _shapes_of_gradient)
 
 
-_solve.defvjp(_forward, _backward)
+def _tangent_of_solution(data: Any, changes: Any, how: common.How) -> tuple:
+    found = _solution.bind(*data, how=how)
+    along = _tangent.bind(*data, *map(ad.instantiate_zeros, changes), how=how)
+    return found, [*along, jnp.zeros_like(found[-1])]
+
+
+def _tangent_of_derivative(primitive: Primitive, given: Any, changes: Any, how: common.How) -> tuple:
+    data, of = given[: len(common.DATA)], changes[len(common.DATA) :]
+    if any(type(change) is not ad.Zero for change in changes[: len(common.DATA)]):
+        raise Error("derivative: of a derivative is not there; take differences of gradients", "derivative")
+    return primitive.bind(*given, how=how), primitive.bind(*data, *map(ad.instantiate_zeros, of), how=how)
+
+
+def _transposed_tangent(of: Any, *given: Any, how: common.How) -> list:
+    data, changes = given[: len(common.DATA)], given[len(common.DATA) :]
+    bars = _gradient.bind(*data, *map(ad.instantiate_zeros, of), how=how)
+    wanted = [ad.is_undefined_primal(v) for v in changes]
+    bars = [_summed_to(bar, v.aval.shape) if want else None for bar, v, want in zip(bars, changes, wanted)]
+    return [None] * len(data) + bars
+
+
+def _transposed_gradient(of: Any, *given: Any, how: common.How) -> list:
+    data, weights = given[: len(common.DATA)], given[len(common.DATA) :]
+    found = _tangent.bind(*data, *map(ad.instantiate_zeros, of), how=how)
+    wanted = [ad.is_undefined_primal(v) for v in weights]
+    found = [_summed_to(v, w.aval.shape) if want else None for v, w, want in zip(found, weights, wanted)]
+    return [None] * len(data) + found
+
+
+def _summed_to(bar: Any, shape: tuple[int, ...]) -> Any:
+    ones = tuple(i for i, k in enumerate(shape) if k == 1 and bar.shape[i] != 1)
+    return bar.sum(axis=ones, keepdims=True)
+
+
+ad.primitive_jvps[_solution] = _tangent_of_solution
+for _primitive_of_derivative, _rule in ((_tangent, _transposed_tangent), (_gradient, _transposed_gradient)):
+    ad.primitive_jvps[_primitive_of_derivative] = functools.partial(_tangent_of_derivative, _primitive_of_derivative)
+    ad.primitive_transposes[_primitive_of_derivative] = _rule
 
 
 # ---- On a device. Arrays have values here: there is no callback, and nothing is compiled.
@@ -127,7 +213,10 @@ def solve(
     threads: int = 0,
     backend: str = "cpu",
     device: int | None = None,
-) -> tuple[jax.Array, jax.Array, jax.Array]:
+    tol: float | None = None,
+    refine: int = 1,
+    failed: str = "raise",
+) -> tuple[jax.Array, ...]:
     """y (J+1) x n, x (J+1) x m and w (J+1) x n of a dense scene. ``jax.vmap`` solves all scenes together on the host
     (:func:`bromwich.solve_batch`).
 
@@ -135,6 +224,13 @@ def solve(
         A, B, N, M, x0: m x m, m x n, n x m, n x n and m, float64.
         f, g: (J+1) x m and (J+1) x n at the time points, linear between them; None: zero.
         T: final time. steps: J. method: ``"march"``, ``"contour"`` or ``"multigrid"``.
+        tol: switches are located, so that values and derivatives are those of the solution, to this tolerance (derivatives to
+            about 1e-9), and not of its steps; at most 64 states and 48 constraints. None: of the steps.
+        refine: steps between two time points. Derivatives of few steps may be far off where the values are not; how far
+            says the difference to those with ``refine=2``.
+        failed: what a scene without a solution does. ``"raise"``: it raises an error. ``"nan"``, ``"zero"``: its y, x and w
+            are NaN, derivatives of it, and those of scenes that are not differentiable, are NaN or 0, and a fourth array
+            is returned: 0 where the scene is solved, otherwise an index of ``bromwich.jax.STATUSES``.
         backend: ``"cpu"``: computed on the host. ``"cuda"``: x0, f and g are arrays on a CUDA device, and so are y, x, w
             and the gradients: no table of J+1 rows passes through the host. x0, f and g may have leading axes for scenes
             that are solved together. Not inside ``jax.jit`` and ``jax.vmap``. At most 8 states and 8 constraints, M of
@@ -144,21 +240,26 @@ def solve(
 
     Raises:
         Error: JAX has no float64 (``jax.config.update("jax_enable_x64", True)``).
-        A failure of the solve, or a solution that is not differentiable, leaves JAX as an error of the callback. Second
-            derivatives are not there.
+        NotSolved, Error: a failure of the solve, or a solution that is not differentiable. Under ``jax.jit`` it is the last
+            line of an error of JAX. Second derivatives are not there.
     """
     if not jax.config.jax_enable_x64:
         raise Error('jax: has no float64; call jax.config.update("jax_enable_x64", True) first', "jax")
-    J = common.whole(steps)
-    none = jnp.zeros((J + 1, 0))
+    how = common.how(T, steps, method, threads, tol, refine, failed)
+    none = jnp.zeros((how.steps + 1, 0))
     data = (x0, none if f is None else f, none if g is None else g, A, B, N, M)
     for name, v in zip(common.DATA, data):
         if jnp.iscomplexobj(v):
             raise Error(f"{name}: is complex; give real numbers", name)
     arrays = tuple(jnp.asarray(v, jnp.float64) for v in data)
     if common.place(backend, device) == "cuda":
-        return _solve_on_device((float(T), J, method, threads, device), *arrays)
+        common.on_a_device(how)
+        return _solve_on_device((how.T, how.steps, method, threads, device), *arrays)
     for name, v in zip(common.DATA, arrays):
         if v.ndim != common.AXES[name]:
             raise Error(f"{name}: has {v.ndim} axes; give {common.AXES[name]}, and more by jax.vmap", name)
-    return _solve((float(T), J, method, threads), *arrays)
+    *found, status = _solution.bind(*arrays, how=how)
+    return tuple(found) if failed == "raise" else (*found, status.astype(jnp.int32))
+
+
+__all__ = ["STATUSES", "solve"]

@@ -15,6 +15,7 @@ import torch
 
 from . import _differentiable as common
 from . import _on_device as on_device
+from ._differentiable import STATUSES
 from ._errors import Error
 
 _LIBRARY = on_device.Library(
@@ -28,35 +29,80 @@ _LIBRARY = on_device.Library(
 
 
 class _Solve(torch.autograd.Function):
+    """y, x, w, the status of each scene, and the solution itself."""
+
     @staticmethod
-    def forward(how: tuple, *data: torch.Tensor | None) -> tuple:
-        *host, backend, device = how
+    def forward(how: common.How, place: tuple, *data: torch.Tensor | None) -> tuple:
+        backend, device = place
         given = [v for v in data if v is not None]
         kind = functools.reduce(torch.promote_types, (v.dtype for v in given if v.is_floating_point()))
         if backend == "cuda":
-            solved = on_device.SolvedOnDevice(_LIBRARY, dict(zip(common.DATA, data)), *host, device)
-            return *(v.to(kind) for v in solved.outputs()), solved
+            named = dict(zip(common.DATA, data))
+            on_cuda = on_device.SolvedOnDevice(_LIBRARY, named, how.T, how.steps, how.method, how.threads, device)
+            outputs = on_cuda.outputs()
+            return *(v.to(kind) for v in outputs), torch.zeros(outputs[0].shape[:-2], dtype=torch.int32), on_cuda
         arrays = {name: None if v is None else _array(v) for name, v in zip(common.DATA, data)}
-        solved = common.Solved(arrays, *host)
-        return *(torch.from_numpy(v).to(given[0].device, kind) for v in solved.outputs()), solved
+        solved = common.Solved(arrays, *how)
+        outputs = (torch.from_numpy(v).to(given[0].device, kind) for v in solved.outputs())
+        return *outputs, torch.from_numpy(solved.status).to(given[0].device), solved
 
     @staticmethod
     def setup_context(ctx: Any, inputs: tuple, output: tuple) -> None:
         ctx.solved = output[-1]
-        ctx.save_for_backward(*inputs[1:])
+        ctx.mark_non_differentiable(output[-2])
+        ctx.save_for_backward(*inputs[2:])
+        ctx.save_for_forward(*inputs[2:])
 
     @staticmethod
     def backward(ctx: Any, *of: Any) -> tuple:
         data = ctx.saved_tensors
         shapes = tuple(None if v is None else tuple(v.shape) for v in data)
-        return None, *_Gradient.apply(ctx.solved, (), shapes, *of[:3], *data)
+        return None, None, *_Gradient.apply(ctx.solved, (), shapes, *of[:3], *data)
 
     @staticmethod
-    def vmap(info: Any, in_dims: tuple, how: tuple, *data: torch.Tensor | None) -> tuple:
-        given = list(zip(common.DATA, data, in_dims[1:]))
+    def jvp(ctx: Any, *changes: Any) -> tuple:
+        along = _Tangent.apply(ctx.solved, (), *changes[2:], *ctx.saved_tensors)
+        return *along, None, None
+
+    @staticmethod
+    def vmap(info: Any, in_dims: tuple, how: common.How, place: tuple, *data: torch.Tensor | None) -> tuple:
+        given = list(zip(common.DATA, data, in_dims[2:]))
         most = max(v.ndim - common.AXES[n] - (d is not None) for n, v, d in given if v is not None)
         listed = (None if v is None else _scenes_first(v, d, most + common.AXES[n]) for n, v, d in given)
-        return _Solve.apply(how, *listed), (0, 0, 0, None)
+        return _Solve.apply(how, place, *listed), (0, 0, 0, 0, None)
+
+
+class _Tangent(torch.autograd.Function):
+    """The changes of y, x and w along changes of the data; `mapped` as for :class:`_Gradient`."""
+
+    @staticmethod
+    def forward(solved: Any, mapped: tuple, *given: torch.Tensor | None) -> tuple:
+        count = len(common.DATA)
+        changes, data = given[:count], given[count:]
+        if isinstance(solved, on_device.SolvedOnDevice):
+            raise Error("jvp: is not there on a device; use backend='cpu', or backward", "backend")
+        kind = functools.reduce(torch.promote_types, (v.dtype for v in data if v is not None))
+        where = next(v.device for v in data if v is not None)
+        arrays = {name: None if v is None else _array(v) for name, v in zip(common.DATA, changes)}
+        return tuple(torch.from_numpy(v).to(where, kind) for v in solved.tangent(arrays, mapped))
+
+    @staticmethod
+    def setup_context(ctx: Any, inputs: tuple, output: tuple) -> None:
+        pass
+
+    @staticmethod
+    def backward(ctx: Any, *of: Any) -> tuple:
+        raise Error("derivative: of a derivative is not there; take differences of gradients", "derivative")
+
+    @staticmethod
+    def vmap(info: Any, in_dims: tuple, solved: Any, mapped: tuple, *given: Any) -> tuple:
+        count, dims = len(common.DATA), in_dims[2:]
+        solution_too = any(d is not None for d in dims[count:])
+        axes = [common.AXES[name] for name in common.DATA]
+        most = max(v.ndim - k - (d is not None) for v, d, k in zip(given[:count], dims, axes) if v is not None)
+        changes = (None if v is None else _scenes_first(v, d, most + k) for v, d, k in zip(given[:count], dims, axes))
+        found = _Tangent.apply(solved, (solution_too, *mapped), *changes, *given[count:])
+        return tuple(v.expand(info.batch_size, *v.shape[1:]) for v in found), (0, 0, 0)
 
 
 class _Gradient(torch.autograd.Function):
@@ -122,7 +168,10 @@ def solve(
     threads: int = 0,
     backend: str = "cpu",
     device: int | None = None,
-) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+    tol: float | None = None,
+    refine: int = 1,
+    failed: str = "raise",
+) -> tuple[torch.Tensor, ...]:
     """y (J+1) x n, x (J+1) x m and w (J+1) x n of a dense scene, computed in double precision.
 
     Args:
@@ -135,6 +184,13 @@ def solve(
             At most 8 states and 8 constraints, M of class P, method ``"march"``; scenes share A, B, N and M, which are
             read on the host. Results are not looked at again with half the step.
         device: number of the CUDA device; None: the first one.
+        tol: switches are located, so that values and derivatives are those of the solution, to this tolerance (derivatives to
+            about 1e-9), and not of its steps; at most 64 states and 48 constraints. None: of the steps.
+        refine: steps between two time points. Derivatives of few steps may be far off where the values are not; how far
+            says the difference to those with ``refine=2``.
+        failed: what a scene without a solution does. ``"raise"``: it raises an error. ``"nan"``, ``"zero"``: its y, x and w
+            are NaN, derivatives of it, and those of scenes that are not differentiable, are NaN or 0, and a fourth tensor
+            is returned: 0 where the scene is solved, otherwise an index of ``bromwich.torch.STATUSES``.
 
     Raises:
         NotSolved: there is no solution, of some scene.
@@ -154,5 +210,11 @@ def solve(
             raise Error(f"{name}: is complex; give real numbers", name)
         v = v if v.layout is torch.strided else v.to_dense()
         data.append(v if v.is_floating_point() else v.double())
-    how = (float(T), common.whole(steps), method, threads, common.place(backend, device), device)
-    return _Solve.apply(how, *data)[:3]
+    how = common.how(T, steps, method, threads, tol, refine, failed)
+    if common.place(backend, device) == "cuda":
+        common.on_a_device(how)
+    found = _Solve.apply(how, (backend, device), *data)
+    return found[:3] if failed == "raise" else found[:4]
+
+
+__all__ = ["STATUSES", "solve"]

@@ -69,6 +69,11 @@ class AnyDerivative {
     if (!quantity) throw Error("quantity", "the scene states none", "give W, c, end_W or end_c");
     return derivative_->quantity(*quantity);
   }
+  DerivativeError error(const Answer& answer) const {
+    const std::unique_lock lock(machine_->busy);
+    return DerivativeError(model_->scene, answer.result, *machine_->backend, *derivative_);
+  }
+  Machine& machine() const { return *machine_; }
   const ResultDerivative& of_result() const { return *derivative_; }
   const ModalDerivative& of_sum() const { return derivative_->of_sum(); }
   Index states() const { return model_->scene.states(); }
@@ -84,6 +89,25 @@ class AnyDerivative {
   std::shared_ptr<const Model> model_;
   std::shared_ptr<Machine> machine_;
   std::unique_ptr<ResultDerivative> derivative_;
+};
+
+/// The estimated errors of an AnyDerivative, which Python keeps alive.
+class AnyError {
+ public:
+  AnyError(const AnyDerivative& of, const Answer& answer) : machine_(of.machine()), error_(of.error(answer)) {}
+
+  SolutionChange jvp(const DataChange& c, bool states) const {
+    const std::unique_lock lock(machine_.busy);
+    return error_.of_jvp(c, states);
+  }
+  DataChange vjp(const SolutionChange& c, bool by_x0) const {
+    const std::unique_lock lock(machine_.busy);
+    return error_.of_vjp(c, by_x0);
+  }
+
+ private:
+  Machine& machine_;
+  DerivativeError error_;
 };
 
 /// With respect to parameters. `scene_of` is a function of Python: (name, value) to a model.
@@ -126,7 +150,8 @@ nb::tuple tables_of(SolutionChange c) {
                         handed_over(std::move(c.integral)));
 }
 
-nb::tuple forward(const AnyDerivative& d, const std::optional<Array1>& x0, const std::optional<Array2>& f,
+template <class D>
+nb::tuple forward(const D& d, const std::optional<Array1>& x0, const std::optional<Array2>& f,
                   const std::optional<Array2>& g, const std::optional<Array2>& A, const std::optional<Array2>& B,
                   const std::optional<Array2>& N, const std::optional<Array2>& M, const std::optional<Array2>& E,
                   const std::optional<Array1>& b, const std::optional<Array2>& E0, const std::optional<Array2>& ET,
@@ -137,7 +162,8 @@ nb::tuple forward(const AnyDerivative& d, const std::optional<Array1>& x0, const
                          states));
 }
 
-nb::tuple backward(const AnyDerivative& d, const std::optional<Array2>& y, const std::optional<Array2>& x,
+template <class D>
+nb::tuple backward(const D& d, const std::optional<Array2>& y, const std::optional<Array2>& x,
                    const std::optional<Array2>& w, const std::optional<Array2>& integral, bool x0) {
   DataChange g = d.vjp({table(y), table(x), table(w), table(integral)}, x0);
   const auto values = [](Vector& v) { return v.size() > 0 ? handed_over(std::move(v)) : nb::none(); };
@@ -215,6 +241,16 @@ nb::class_<D> bind_result_derivative(nb::module_& m, const char* name) {
       .def_prop_ro("states", &D::states);
 }
 
+/// jvp and vjp.
+template <class D>
+void bind_passes(nb::class_<D>& c) {
+  c.def("jvp", &forward<D>, nb::arg("x0").none(), nb::arg("f").none(), nb::arg("g").none(), nb::arg("A").none(),
+        nb::arg("B").none(), nb::arg("N").none(), nb::arg("M").none(), nb::arg("E").none(), nb::arg("b").none(),
+        nb::arg("E0").none(), nb::arg("ET").none(), nb::arg("states"))
+      .def("vjp", &backward<D>, nb::arg("y").none(), nb::arg("x").none(), nb::arg("w").none(),
+           nb::arg("integral").none(), nb::arg("x0"));
+}
+
 void bind_parameters(nb::module_& m) {
   bind_result_derivative<ByParameters>(m, "ParameterDerivative")
       .def(nb::init<const Answer&, const std::vector<std::string>&, const std::vector<double>&, const nb::callable&,
@@ -241,7 +277,8 @@ void bind_parameters(nb::module_& m) {
 }  // namespace
 
 void bind_derivatives(nb::module_& m) {
-  bind_result_derivative<AnyDerivative>(m, "Derivative")
+  auto derivative = bind_result_derivative<AnyDerivative>(m, "Derivative");
+  derivative
       .def(nb::init<const Answer&, std::optional<bool>, bool>(), nb::arg("answer"), nb::arg("located").none(),
            nb::arg("all_times"))
       .def_prop_ro(
@@ -249,17 +286,18 @@ void bind_derivatives(nb::module_& m) {
           [](const AnyDerivative& d) { return d.switched() ? d.switched()->one_sided() : std::vector<Index>(); })
       .def_prop_ro("without_M",
                    [](const AnyDerivative& d) { return d.switched() ? d.switched()->without_M() : std::string(); })
-      .def("jvp", &forward, nb::arg("x0").none(), nb::arg("f").none(), nb::arg("g").none(), nb::arg("A").none(),
-           nb::arg("B").none(), nb::arg("N").none(), nb::arg("M").none(), nb::arg("E").none(), nb::arg("b").none(),
-           nb::arg("E0").none(), nb::arg("ET").none(), nb::arg("states"))
       .def("jvp_parameters", &forward_by_sum, nb::arg("face"), nb::arg("across"), nb::arg("decay"), nb::arg("B"),
            nb::arg("N"), nb::arg("states"))
       .def("vjp_parameters", &backward_by_sum, nb::arg("y").none(), nb::arg("x").none(), nb::arg("w").none(),
            nb::arg("integral").none())
       .def("quantity", &quantity, nb::arg("W").none(), nb::arg("c").none(), nb::arg("end_W").none(),
            nb::arg("end_c").none())
-      .def("vjp", &backward, nb::arg("y").none(), nb::arg("x").none(), nb::arg("w").none(), nb::arg("integral").none(),
-           nb::arg("x0"));
+      .def(
+          "error", [](const AnyDerivative& d, const Answer& answer) { return std::make_unique<AnyError>(d, answer); },
+          nb::arg("answer"), nb::keep_alive<0, 1>());
+  bind_passes(derivative);
+  nb::class_<AnyError> error(m, "DerivativeError");
+  bind_passes(error);
   bind_parameters(m);
 }
 

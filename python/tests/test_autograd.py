@@ -102,6 +102,89 @@ def test_refusals_of_arrays(data):
     assert whole(3.0) == 3
 
 
+def several_scenes(data):
+    """Four scenes of which the second is not solved, and what must not change for the others."""
+    x0 = np.stack([data["x0"], np.full(3, np.nan), -data["x0"], 2 * data["x0"]])
+    return x0, [0, 2, 3]
+
+
+@pytest.mark.parametrize("failed, value", [("nan", np.nan), ("zero", 0)])
+def test_one_scene_that_fails_spoils_nothing(data, failed, value):
+    from bromwich._differentiable import DATA, STATUSES, Solved
+
+    x0, good = several_scenes(data)
+    arrays = {**{name: data.get(name) for name in DATA}, "x0": x0}
+    solved = Solved(arrays, T, STEPS, "march", 1, None, 1, failed)
+    assert [STATUSES[k] for k in solved.status] == ["solved", "unsupported", "solved", "solved"]
+    y, x, w = solved.outputs()
+    alone = Solved({**arrays, "x0": x0[good]}, T, STEPS, "march", 1)
+    for found, expect in zip((y, x, w), alone.outputs()):
+        assert np.isnan(found[1]).all()
+        np.testing.assert_allclose(found[good], expect, rtol=1e-12, atol=1e-12)
+    of = tuple(np.cos(v) for v in (y, x, w))  # NaN where there is no solution
+    for found, expect in zip(solved.gradient(of), alone.gradient(tuple(v[good] for v in of))):
+        if found is not None:
+            np.testing.assert_array_equal(found[1], np.full_like(found[1], value))
+            np.testing.assert_allclose(found[good], expect, rtol=1e-9, atol=1e-10)
+    changes = dict(M=np.eye(2), x0=np.ones((4, 3)))
+    for found, expect in zip(solved.tangent(changes), alone.tangent({**changes, "x0": np.ones((3, 3))})):
+        np.testing.assert_array_equal(found[1], np.full_like(found[1], value))
+        np.testing.assert_allclose(found[good], expect, rtol=1e-9, atol=1e-10)
+    # One that is unstable: e^{2a} = 1e173 is its solution, and the sum of squares over all scenes overflows.
+    A = np.stack([-np.eye(1), 200 * np.eye(1)])
+    one = dict(zip(DATA, (np.ones((2, 1)), None, None, A, np.eye(1), np.eye(1), np.eye(1))))
+    unstable = Solved(one, T, STEPS, "march", 1, None, 1, failed)
+    assert [STATUSES[k] for k in unstable.status] == ["solved", "nonfinite"]
+    bar = unstable.gradient(unstable.outputs())[DATA.index("A")]
+    assert np.isfinite(bar[0]).all() and np.array_equal(bar[1], [[value]], equal_nan=True)
+    with pytest.raises(bromwich.NotSolved, match="scene 1: nonfinite"):
+        Solved(one, T, STEPS, "march", 1)
+    # Numbers that all scenes share are as much those of each scene.
+    shared = Solved({**arrays, "A": np.full((3, 3), np.inf), "x0": x0[good]}, T, STEPS, "march", 1, None, 1, failed)
+    assert (shared.status != 0).all() and np.isnan(shared.outputs()[0]).all()
+
+
+@pytest.mark.parametrize("tol, refine", [(None, 1), (None, 3), (1e-8, 1)])
+def test_tangents_and_gradients_are_transposed(data, tol, refine):
+    from bromwich._differentiable import DATA, Solved
+
+    rng = np.random.default_rng(8)
+    arrays = {**{name: data.get(name) for name in DATA}, "x0": np.stack([data["x0"], -data["x0"]])}
+    solved = Solved(arrays, T, STEPS, "march", 1, tol, refine)
+    of = tuple(rng.normal(size=v.shape) for v in solved.outputs())
+    changes = {name: rng.normal(size=np.shape(v)) for name, v in arrays.items() if v is not None}
+    shapes = [None if arrays[name] is None else np.shape(arrays[name]) for name in DATA]
+    bars = dict(zip(DATA, solved.gradient(of, shapes)))
+    forward = sum((a * b).sum() for a, b in zip(of, solved.tangent(changes)))
+    assert forward == pytest.approx(sum((bars[name] * changes[name]).sum() for name in changes), rel=1e-9)
+    # Several changes of scenes that have one axis less.
+    two = {name: np.stack([v, 2 * v]) for name, v in changes.items() if name != "x0"} | {"x0": 0 * arrays["x0"]}
+    two = {name: v[:, None] if name != "x0" else v for name, v in two.items()}
+    several = solved.tangent(two, mapped=(False,))
+    np.testing.assert_allclose(several[1][1], 2 * several[1][0], rtol=1e-9, atol=1e-12)
+
+
+def test_refined_and_located_values(data):
+    from bromwich._differentiable import DATA, Solved, how
+
+    arrays = {name: data.get(name) for name in DATA}
+    x0 = dict(x0=np.stack([data["x0"], data["x0"]]))
+    fine = bromwich.solve(**data, T=T, steps=STEPS, method="events", tol=1e-7, states="all")
+    exact = fine.at(np.linspace(0, T, STEPS + 1)).x
+    located = Solved({**arrays, **x0}, T, STEPS, "march", 1, 1e-7).outputs()[1]
+    np.testing.assert_allclose(located[0], exact, atol=1e-6 * np.abs(exact).max())
+    off = [np.abs(Solved(arrays, T, STEPS, "march", 1, None, k).outputs()[1] - exact).max() for k in (1, 4)]
+    assert off[1] <= off[0] / 4, "of order one at least"
+    for change, words in [
+        (dict(failed="skip"), "failed: found 'skip'; use raise, nan, zero"),
+        (dict(refine=0), "refine: found 0"),
+        (dict(tol=1e-6, method="contour"), "method: is given together with tol"),
+        (dict(tol=1e-6, refine=2), "refine: is given together with tol"),
+    ]:
+        with pytest.raises(bromwich.Error, match=words):
+            how(**{**dict(T=1.0, steps=10, method="march", threads=0, tol=None, refine=1, failed="raise"), **change})
+
+
 def test_torch(data):
     torch = pytest.importorskip("torch")
     from bromwich.torch import solve
@@ -174,3 +257,80 @@ def test_jax(data):
                                bar["M"], rtol=1e-9, atol=1e-9)
     with pytest.raises(bromwich.Error, match="more by jax.vmap"):
         loss({**data, "x0": several})
+
+
+def test_jax_forward_mode_and_scenes_that_fail(data):
+    jax = pytest.importorskip("jax")
+    from bromwich.jax import STATUSES, solve
+
+    jax.config.update("jax_enable_x64", True)
+    jnp = jax.numpy
+
+    def loss(d, **how):
+        y, x, w = solve(**d, T=T, steps=STEPS, **how)[:3]
+        return (y**2).sum() + jnp.sin(x).sum()
+
+    bar = expected(data)[1]
+    along = {name: np.cos(np.arange(v.size)).reshape(v.shape) for name, v in data.items()}
+    slope = sum((bar[name] * along[name]).sum() for name in data)
+    for function in (lambda d, v: jax.jvp(loss, (d,), (v,))[1], jax.jit(lambda d, v: jax.jvp(loss, (d,), (v,))[1])):
+        assert float(function(data, along)) == pytest.approx(slope, rel=1e-9)
+    states = lambda x0: solve(**{**data, "x0": x0}, T=T, steps=STEPS)[1]
+    np.testing.assert_allclose(jax.jacfwd(states)(data["x0"]), jax.jacrev(states)(data["x0"]), rtol=1e-9, atol=1e-10)
+    for twice in (jax.hessian, lambda f: jax.jacrev(jax.jacrev(f)), lambda f: jax.jacfwd(jax.jacfwd(f))):
+        with pytest.raises(bromwich.Error, match="of a derivative is not there"):
+            twice(lambda x0: loss({**data, "x0": x0}))(data["x0"])
+    # Errors are those of Python, and under jit the last line has them.
+    by_M = lambda M: solve(**{**data, "M": M}, T=T, steps=STEPS)
+    nan = np.full((2, 2, 2), np.nan)
+    for function, M, kind in ((by_M, nan[0], bromwich.Error), (jax.vmap(by_M), nan, bromwich.NotSolved)):
+        with pytest.raises(kind, match="M: ") as caught:
+            function(M)
+        assert len(str(caught.value)) < 300
+    with pytest.raises(Exception) as caught:
+        jax.block_until_ready(jax.jit(by_M)(nan[0]))
+    assert "M: " in str(caught.value).strip().splitlines()[-1]
+    x0, good = several_scenes(data)
+    for failed in ("nan", "zero"):
+        one = lambda A, x: solve(**{**data, "A": A, "x0": x}, T=T, steps=STEPS, failed=failed)
+        status = jax.vmap(one, (None, 0))(data["A"], x0)[3]
+        assert [STATUSES[k] for k in status] == ["solved", "unsupported", "solved", "solved"]
+
+        def total(A):
+            y, x, w, status = jax.vmap(one, (None, 0))(A, x0)
+            return jnp.where(status == 0, (y**2).sum((1, 2)), 0).sum()
+
+        expect = sum(jax.grad(lambda A: (one(A, x0[k])[0] ** 2).sum())(data["A"]) for k in good)
+        for gradient in (jax.grad(total), jax.jit(jax.grad(total))):
+            found = gradient(data["A"])
+            assert np.isnan(found).all() if failed == "nan" else np.allclose(found, expect, rtol=1e-9, atol=1e-10)
+    fine = jax.grad(lambda x0: loss({**data, "x0": x0}, tol=1e-8))(data["x0"])
+    step = 1e-4  # differences err by step^2, and by the tolerance of the values over the step
+    for i, e in enumerate(np.eye(3)):
+        up, down = (loss({**data, "x0": data["x0"] + by * e}, tol=1e-8) for by in (step, -step))
+        assert float(up - down) / (2 * step) == pytest.approx(float(fine[i]), rel=1e-4, abs=1e-2)
+
+
+@pytest.mark.filterwarnings("ignore:.*torch.jit.script:FutureWarning")  # PyTorch uses it itself
+def test_torch_forward_mode_and_scenes_that_fail(data):
+    torch = pytest.importorskip("torch")
+    from bromwich.torch import STATUSES, solve
+
+    tensors = {name: torch.tensor(v) for name, v in data.items()}
+    states = lambda x0: solve(**{**tensors, "x0": x0}, T=T, steps=STEPS)[1]
+    forward, backward = torch.func.jacfwd(states)(tensors["x0"]), torch.func.jacrev(states)(tensors["x0"])
+    np.testing.assert_allclose(forward, backward, rtol=1e-9, atol=1e-10)
+    x0, good = several_scenes(data)
+    weights = torch.cos(torch.arange(2.0 * (STEPS + 1), dtype=torch.float64)).reshape(STEPS + 1, 2)
+    alone = one_by_one(data, [dict(x0=x0[k]) for k in good], weights.numpy())
+    for failed in ("nan", "zero"):
+        A = tensors["A"].clone().requires_grad_()
+        y, x, w, status = solve(**{**tensors, "A": A, "x0": torch.tensor(x0)}, T=T, steps=STEPS, failed=failed)
+        assert [STATUSES[k] for k in status] == ["solved", "unsupported", "solved", "solved"]
+        torch.where(status == 0, (weights * y).sum((1, 2)), 0).sum().backward()
+        if failed == "nan":
+            assert A.grad.isnan().all()
+        else:
+            np.testing.assert_allclose(A.grad, alone["A"].sum(0), rtol=1e-9, atol=1e-9)
+    located = solve(**tensors, T=T, steps=STEPS, tol=1e-8)[1]
+    np.testing.assert_allclose(located, solve(**tensors, T=T, steps=STEPS, refine=16)[1], atol=1e-3)

@@ -209,3 +209,81 @@ def test_parameters_of_a_kronecker_sum() -> None:
     np.testing.assert_allclose(gradient.face + gradient.across + gradient.B, tangent.y.sum(), rtol=1e-10)
     with pytest.raises(bromwich.Error, match="Kronecker"):
         bromwich.solve(A=-1, B=1, N=1, M=1, x0=1, T=1, steps=10, method="march").derivative().jvp_parameters(B=1)
+
+
+def fall(h, t, k=40.0, gravity=9.81):
+    """Height of a mass that falls from h on soft ground of stiffness k, until it leaves it, and its derivative by h."""
+    meets, omega = np.sqrt(2 * h / gravity), np.sqrt(k)
+    speed, later, s = -gravity * meets, 1 / (gravity * meets), t - meets  # d meets / dh
+    x = -gravity / k * (1 - np.cos(omega * s)) + speed / omega * np.sin(omega * s)
+    rate = -gravity / omega * np.sin(omega * s) + speed * np.cos(omega * s)
+    return x, -rate * later - gravity * later / omega * np.sin(omega * s)
+
+
+SOFT = dict(A=[[0, 1], [0, 0]], B=[0, 1], N=[1, 0], M=1 / 40.0, f=[0, -9.81], T=0.5)
+HEIGHTS = np.linspace(0.2, 0.6, 9)
+
+
+def test_the_estimated_error_is_that_of_few_steps():
+    steps = 25
+    weights = np.zeros((steps + 1, 2))
+    weights[-1, 0] = 1
+    found, estimated = [], []
+    for h in HEIGHTS:
+        d = bromwich.solve(**SOFT, x0=[h, 0], steps=steps, method="march").derivative()
+        exact = fall(h, SOFT["T"])[1]
+        found.append(d.vjp(x=weights).x0[0] - exact)
+        estimated.append(d.vjp_error(x=weights).x0[0])
+        assert d.jvp_error(x0=[1, 0]).x[-1, 0] == pytest.approx(estimated[-1], rel=1e-9)
+        located = bromwich.solve(**SOFT, x0=[h, 0], steps=steps, method="march").derivative(located=True)
+        assert located.vjp(x=weights).x0[0] == pytest.approx(exact, rel=1e-8)  # ten times what it is said to be good for
+        assert located.vjp_error(x=weights).x0[0] <= 1e-7 * abs(exact)
+    # Twice what half the step changes; where the switch lies in its step differs from height to height.
+    assert np.linalg.norm(found) <= np.linalg.norm(estimated) <= 8 * np.linalg.norm(found)
+    assert np.linalg.norm(found) >= 1e-3, "and the steps are few"
+    d = bromwich.solve(**SOFT, x0=[0.3, 0], steps=steps, method="march").derivative()
+    table = np.linspace(0, 1, steps + 1)[:, None]
+    error = d.vjp_error(x=weights)
+    # The gradient by g is the same linear function at both steps: its error bounds that of any change.
+    assert d.jvp_error(g=table).x[-1, 0] <= (error.g * table).sum() * (1 + 1e-9)
+    with pytest.raises(bromwich.Error, match="h: is not known"):
+        d.jvp_error(h=1)
+
+
+def test_scenes_without_a_derivative_by_choice() -> None:
+    x0 = np.array([[0.3, 0], [np.nan, 0], [0.5, 0]])
+    r = bromwich.solve_batch(**SOFT, x0=x0, steps=40, method="march", check=False)
+    weights = np.ones((3, 41, 2))
+    weights[1] = np.nan
+    for failed, value in (("nan", np.nan), ("zero", 0)):
+        d = r.derivative(failed=failed)
+        assert d.ok.tolist() == [True, False, True] and "not solved" in d.reason[1]
+        gradient, reason = d.vjp(x=weights)
+        change, _ = d.jvp(x0=np.where(np.isnan(x0), np.nan, 1))
+        assert [bool(line) for line in reason] == [False, True, False]
+        for table in (gradient.x0, gradient.A, change.x):
+            assert np.isfinite(table[[0, 2]]).all()
+            np.testing.assert_array_equal(table[1], np.full_like(table[1], value))
+    weights[1:] = 1
+    weights[2, 3] = np.inf
+    gradient, reason = r.derivative().vjp(x=weights)
+    assert "not finite" in reason[2] and np.isnan(gradient.x0[2]).all() and np.isfinite(gradient.x0[0]).all()
+    with pytest.raises(bromwich.Error, match="scene 1: .*not solved"):
+        r.derivative(failed="raise").vjp(x=np.ones((41, 2)))
+    with pytest.raises(bromwich.Error, match="failed: found 'skip'"):
+        r.derivative(failed="skip")
+
+
+def test_a_batch_with_a_tolerance_has_located_derivatives() -> None:
+    times = [0, 0.2, 0.5]
+    r = bromwich.solve_batch(**SOFT, x0=[[h, 0] for h in HEIGHTS], method="events", tol=1e-6, times=times, states="all")
+    d = r.derivative()
+    assert d.located.all()
+    change, reason = d.jvp(x0=[1, 0])
+    assert not any(reason)
+    for k, h in enumerate(HEIGHTS):
+        x, by_h = fall(h, SOFT["T"])
+        assert r.x[k, -1, 0] == pytest.approx(x, abs=1e-6)
+        assert change.x[k, -1, 0] == pytest.approx(by_h, rel=1e-8)
+    with pytest.raises(bromwich.Error, match="times"):
+        r.derivative(located=False)

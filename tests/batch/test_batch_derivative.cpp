@@ -127,7 +127,7 @@ TEST(BatchDerivative, AFailedSceneSpoilsNothing) {
   EXPECT_THROW(d.jvp({c}), Error);
   EXPECT_THROW(BatchDerivative(batch, BatchResult{}), Error);
   batch.times = {0, 1, 3};
-  EXPECT_THROW(BatchDerivative(batch, result), Error);
+  EXPECT_THROW(BatchDerivative(batch, result, false), Error);
 }
 
 // x' = 2 - sgn x in a batch: dx(T)/dx0 = 1/3 where x crosses 0, and 1 where it starts above.
