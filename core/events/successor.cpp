@@ -132,8 +132,7 @@ Successor::Entry Successor::attempt(const std::vector<Index>& set, double least,
   if (steps_.resolve(*mode, p, next)) {
     const double lasts = next.valid * next.length;
     found_ = next.valid >= 1 || (lasts >= least && !next.at_once);
-          next.at_once, found_);
-          if (found_ || (lasts > best_.lasts && !next.at_once)) best_ = {mode, lasts, std::move(next), p.x, p.integral};
+    if (found_ || (lasts > best_.lasts && !next.at_once)) best_ = {mode, lasts, std::move(next), p.x, p.integral};
   }
   p.x = x;
   p.integral = integral;

@@ -12,11 +12,8 @@
 #include "core/scene/port_hamiltonian.hpp"
 #include "core/solve/located_values.hpp"
 #include "core/solve/mixed.hpp"
-<<<<<<< HEAD
 #include "core/solve/shooting_control.hpp"
-=======
 #include "core/solve/stages.hpp"
->>>>>>> 5f9503e90982e1efd103ffde9c9f38903f1b0380
 
 #include <algorithm>
 #include <cmath>

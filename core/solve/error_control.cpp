@@ -25,10 +25,6 @@ double iteration_error(const std::vector<double>& history) {
 
 namespace {
 
-<<<<<<< HEAD
-=======
-/// Floating-point operations of event-driven integration, where grids have not solved the scene or the method is named.
-constexpr double patient_events = 1e11;
 /// Of T: where so much is done when the operations are spent, the integration gets as many as the rest may take.
 constexpr double worth_going_on = 0.25;
 
@@ -39,7 +35,6 @@ double reached(const Result& events) {
   return double(rows) / double(std::max<Index>(1, events.y.rows()));
 }
 
->>>>>>> 5f9503e90982e1efd103ffde9c9f38903f1b0380
 // The scene with all breakpoints of its sources; nothing if these are known already.
 std::optional<Scene> with_breakpoints(const Scene& given) {
   if (given.breakpoints_are_all || (!given.f && !given.g)) return std::nullopt;
