@@ -182,6 +182,39 @@ TEST(LocatedShooting, FindsAnUnstablePeriodicState) {
   EXPECT_NEAR(r.multipliers[0].real(), std::exp(3), 1e-7);
 }
 
+// A buck converter whose switch closes when a ramp exceeds the amplified error of v (Deane & Hamill, IEEE Trans. Power
+// Electron. 5, 1990). With 26 V its state of one period has doubled: a multiplier below -1, which no transient finds.
+// The map of a period is that of two affine parts, with the time between them by bisection.
+TEST(LocatedShooting, FindsTheUnstableStateOfAControlledConverter) {
+  constexpr double Vin = 26, L = 20e-3, C = 47e-6, R = 22, gain = 8.4, aim = 11.3, low = 3.8, high = 8.2, T = 4e-4;
+  const Matrix A{{0, -1 / L}, {1 / C, -1 / (R * C)}};
+  const auto ramp = [=](double t) { return low + (high - low) * t / T; };
+  Scene scene = periodic({A, Matrix{{Vin / L, 0}, {0, 0}}, Matrix{{0, gain}, {0, 0}}}, Matrix{{0, 1}, {-1, 0}}, T);
+  scene.lcp_class = LcpClass::PSD;
+  scene.g = [=](double t, Eigen::Ref<Vector> g) { g << -gain * aim - ramp(t), 1; };
+  const Affine off{A, Vector::Zero(2)}, on{A, Vector{{Vin / L, 0}}};
+  const auto map = [&](const Vector& x) {
+    Vector z(3);
+    z << x, 1;
+    double from = 0, to = T;
+    for (int k = 0; k < 60; ++k) {
+      const double middle = (from + to) / 2;
+      (gain * ((off.map(middle) * z)[1] - aim) > ramp(middle) ? from : to) = middle;
+    }
+    return Vector((on.map(T - from) * (off.map(from) * z)).head(2));
+  };
+  const Result r = shot(scene);
+  ASSERT_EQ(r.status, Status::solved) << r.reason;
+  const Vector x = r.x.row(0).transpose();
+  EXPECT_LT((map(x) - x).norm(), 10 * close * x.norm());
+  Matrix D(2, 2);
+  const double h = 1e-5;
+  for (Index j = 0; j < 2; ++j)
+    D.col(j) = (map(x + h * Vector::Unit(2, j)) - map(x - h * Vector::Unit(2, j))) / (2 * h);
+  EXPECT_NEAR((r.multipliers[0] + r.multipliers[1]).real(), D.trace(), 1e-6) << "h^2 of the third derivative";
+  EXPECT_LT(r.multipliers[0].real(), -1);
+}
+
 // Half a period with x(T) = -x(0) is the periodic solution of a scene that is odd under a shift by T.
 TEST(LocatedShooting, TakesAntiPeriodicConditions) {
   Scene scene = periodic({Matrix{{-1}}, Matrix{{1, -1}}, Matrix{{1}, {-1}}}, Matrix::Zero(2, 2), 2);
