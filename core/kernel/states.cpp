@@ -129,7 +129,7 @@ Matrix states_at_rows(const DiscreteProblem& p, const RowMatrix& y, const std::v
   if (p.modes()) return kronecker_states_at(p, y, rows);
   if (p.small_state()) return states_of(p, Rule::exponential, y, defects).x(rows, Eigen::all).transpose();
   if (const auto steps = SteppedStates::make(p)) return stepped_states_at(*steps, p, y, rows);
-  throw Error("dynamics", "whole states of these dynamics are not computed afterwards",
+  throw Error("dynamics", "whole states of supplied dynamics are not computed afterwards",
               "ask for components with Options::states when solving");
 }
 
