@@ -220,9 +220,10 @@ bool Successor::lead_to_the_same(const Candidate& a, const Candidate& b, const E
   const double common = std::min(a.lasts, b.lasts);
   const Vector off =
       a.step.x.transpose() * legendre(common / a.step.length) - b.step.x.transpose() * legendre(common / b.step.length);
-  const Vector size = p.sizes.with(a.step).u.x;
+  const EventSizes sizes = p.sizes.with(a.step);
+  const Vector &size = sizes.u.x, rounding = steps_.rounding_of_x(sizes);
   const double share = 1e-6 + 100 * steps_.noise();
-  return !((off.cwiseAbs() - share * size.cwiseMax(1e-3 * size.maxCoeff())).array() > 0).any();
+  return !((off.cwiseAbs() - share * size.cwiseMax(1e-3 * size.maxCoeff()) - rounding).array() > 0).any();
 }
 
 std::vector<std::vector<Index>> Successor::all_sets() const {

@@ -171,9 +171,10 @@ TEST(Mirrors, OfContactsWithFrictionGiveMirrorImages) {
                  mirror = run(oracle::friction_scene(oracle::mirrored(c)), options);
     ASSERT_EQ(r.status, Status::solved) << to_string(method) << ": " << r.reason;
     ASSERT_EQ(mirror.status, Status::solved) << to_string(method) << ": " << mirror.reason;
-    // The steps of both problems are the same but for rounding, which a switch magnifies by 1 / h at most; located
-    // events as above.
-    EXPECT_LE(distance(mirror.x, r.x * sign.asDiagonal()), 1e-8) << to_string(method);
+    // Located events as above, and implicit Euler up to rounding. Radau IIA notices an impact by the y that it
+    // releases, and these are others in the mirror: h^2.
+    const double same = method == Method::march ? 1e-4 : 1e-8;
+    EXPECT_LE(distance(mirror.x, r.x * sign.asDiagonal()), same) << to_string(method);
   }
 }
 
