@@ -35,7 +35,7 @@ __all__ = [
 
 HERE = Path(__file__).resolve().parent
 # What CMake reads for the package.
-PARTS = ("CMakeLists.txt", "LICENSE", "app", "bench/studies", "cmake", "core", "cpu", "examples", "files", "kernels", "mpi")
+PARTS = ("CMakeLists.txt", "LICENSE", "app", "bench/studies", "circuits", "cmake", "core", "cpu", "examples", "files", "kernels", "mpi")
 PARTS += ("python/CMakeLists.txt", "python/cuda.cmake", "python/src", "python/stubs.py", "python/variants.cmake")
 PARTS += ("docs/scene.schema.json", "report", "scripts/install-deps", "third_party")
 SKIPPED = shutil.ignore_patterns("__pycache__", "*.pyc", "build", "*.so", "*.pyi")
