@@ -41,7 +41,7 @@ RowMatrix without_middles(const RowMatrix& all) {
 
 Result with_half_the_step(const Scene& scene, const Result& result, Backend& backend) {
   Options options;
-  options.method = result.method;
+  options.method = scene.boundary ? Method::galerkin : result.method;
   options.steps = 2 * result.steps;
   options.states = scene.states() <= ResultDerivative::largest_written_out ? StateSelection::all : StateSelection::none;
   Result finer = solve(scene, backend, options);

@@ -293,8 +293,8 @@ void bind_derivatives(nb::module_& m) {
       .def("quantity", &quantity, nb::arg("W").none(), nb::arg("c").none(), nb::arg("end_W").none(),
            nb::arg("end_c").none())
       .def(
-          "error", [](const AnyDerivative& d, const Answer& answer) { return std::make_unique<AnyError>(d, answer); },
-          nb::arg("answer"), nb::keep_alive<0, 1>());
+          "error", [](const AnyDerivative& d, const Answer& answer) { return new AnyError(d, answer); },
+          nb::arg("answer"), nb::rv_policy::take_ownership, nb::keep_alive<0, 1>());
   bind_passes(derivative);
   nb::class_<AnyError> error(m, "DerivativeError");
   bind_passes(error);
