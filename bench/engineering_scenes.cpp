@@ -115,8 +115,9 @@ ordered_json judge(const Arguments& a, const EngineeringScene& s, const KnownFlo
   if (a.steps == 0) options.tolerance = a.tolerance;
   const auto backend = make_cpu_backend(1);
   const double begin = cpu_seconds();
-  const EngineeringTrial t =
-      try_engineering(s, known, retold(s, telling, seed), periodic, options, *backend, a.tolerance);
+  const Retold told = retold(s, telling, seed);
+  const EngineeringTrial t = periodic ? try_periodic(s, told, options, *backend, a.tolerance)
+                                      : try_engineering(s, known, told, options, *backend, a.tolerance);
   ordered_json json{{"verdict", t.verdict},
                     {"status", t.status},
                     {"method", t.method},
@@ -172,7 +173,7 @@ void judge_scene(const Arguments& a, const std::string& kind, std::uint32_t seed
     const bool periodic = problem == "periodic";
     // The oracle's own error has to be far below what is judged.
     const double begin = cpu_seconds();
-    const KnownFlow known = known_flow(s, periodic, 0.1 * a.tolerance);
+    const KnownFlow known = periodic ? KnownFlow() : known_flow(s, s.x0, s.T, 0.1 * a.tolerance);
     const double oracle_seconds = cpu_seconds() - begin;
     for (const std::string& word : a.tellings) {
       const Telling telling = telling_of(word);
@@ -185,7 +186,7 @@ void judge_scene(const Arguments& a, const std::string& kind, std::uint32_t seed
                         {"oracle_seconds", oracle_seconds},
                         {"oracle_events", known.flow.events}};
       ordered_json found{{"verdict", "undecided"}, {"reason", known.reason}};
-      if (known.decided) found = in_process(a, s, known, periodic, telling, seed);
+      if (known.decided || periodic) found = in_process(a, s, known, periodic, telling, seed);
       json.update(found);
       const bool bad = json["verdict"] != "right" && json["verdict"] != "undecided";
       if (!a.files.empty() && (bad || a.list == "all"))

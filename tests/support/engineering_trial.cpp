@@ -59,18 +59,13 @@ void judge_rows(const EngineeringScene& s, const Result& r, EngineeringTrial& tr
 
 }  // namespace
 
-KnownFlow known_flow(const EngineeringScene& s, bool periodic, double doubt) {
-  const FlowSteps fine, coarse{1e-8, 8e-7, 1.0 / 40, fine.most};
+KnownFlow known_flow(const EngineeringScene& s, const Vector& x0, double T, double doubt) {
+  const FlowSteps fine, coarse{1e-8, 8e-7, 1.0 / 40, 1e-8, fine.most};
   KnownFlow known;
-  if (periodic) {
-    const Flow start = switched_flow(s, s.x0, 10 * s.period, coarse);
-    known.flow = start.decided ? periodic_flow(s, start.end(), fine) : start;
-  } else {
-    known.flow = switched_flow(s, fine);
-  }
+  known.flow = switched_flow(s, x0, T, fine);
   known.reason = known.flow.reason;
   if (!known.flow.decided) return known;
-  const Flow other = periodic ? periodic_flow(s, known.flow.end(), coarse) : switched_flow(s, coarse);
+  const Flow other = switched_flow(s, x0, T, coarse);
   known.reason = other.reason;
   if (!other.decided) return known;
   const Vector scale = error_scale(s, known.flow);
@@ -84,34 +79,59 @@ KnownFlow known_flow(const EngineeringScene& s, bool periodic, double doubt) {
   return known;
 }
 
-EngineeringTrial try_engineering(const EngineeringScene& s, const KnownFlow& known, const Retold& told, bool periodic,
-                                 const Options& options, Backend& backend, double tolerance) {
-  EngineeringTrial trial;
+namespace {
+
+Result solved(const Retold& told, bool periodic, const Options& options, Backend& backend, EngineeringTrial& trial) {
   Result r;
   try {
     r = solve(parse_scene(scene_file(told.scene, periodic), told.scene.name + ".toml").scene, backend, options);
+    trial.status = to_string(r.status), trial.reason = r.reason, trial.warning = r.warning;
   } catch (const Error& error) {
-    trial.verdict = "refused", trial.status = "error", trial.reason = error.what();
-    return trial;
+    trial.status = "error", trial.reason = error.what();
   }
-  trial.status = to_string(r.status), trial.reason = r.reason, trial.warning = r.warning;
   trial.method = to_string(r.method), trial.steps = r.steps;
   trial.estimate = r.errors ? r.errors->states : r.error_estimate.value_or(nan);
-  if (r.status != Status::solved) {
-    trial.verdict = "refused";
-    return trial;
-  }
-  const Vector scale = error_scale(s, known.flow);
-  for (Index j = 0; j < r.t.size(); ++j) {
-    if (j == 0 && !periodic) continue;  // x0, before a jump
-    const double t = std::min(known.flow.T, r.t[j] * told.time);
+  if (trial.status != "solved") trial.verdict = "refused";
+  return r;
+}
+
+void compare(const EngineeringScene& s, const Flow& flow, const Retold& told, const Result& r, double tolerance,
+             EngineeringTrial& trial) {
+  const Vector scale = error_scale(s, flow);
+  for (Index j = 1; j < r.t.size(); ++j) {  // x of row 0 may be before a jump
+    const double t = std::min(flow.T, r.t[j] * told.time);
     const Vector x = told.to_original * r.x.row(j).transpose();
-    const double error =
-        x.allFinite() ? apart(known.flow, x, t, beside * known.flow.T).cwiseQuotient(scale).maxCoeff() : INFINITY;
+    const double error = x.allFinite() ? apart(flow, x, t, beside * flow.T).cwiseQuotient(scale).maxCoeff() : INFINITY;
     if (error > trial.error) trial.error = error, trial.at = t;
   }
   judge_rows(told.scene, r, trial);
   trial.verdict = trial.error <= tolerance ? "right" : trial.error <= 3 * tolerance ? "missed" : "wrong";
+}
+
+}  // namespace
+
+EngineeringTrial try_engineering(const EngineeringScene& s, const KnownFlow& known, const Retold& told,
+                                 const Options& options, Backend& backend, double tolerance) {
+  EngineeringTrial trial;
+  const Result r = solved(told, false, options, backend, trial);
+  if (trial.status == "solved") compare(s, known.flow, told, r, tolerance, trial);
+  return trial;
+}
+
+EngineeringTrial try_periodic(const EngineeringScene& s, const Retold& told, const Options& options, Backend& backend,
+                              double tolerance) {
+  EngineeringTrial trial;
+  const Result r = solved(told, true, options, backend, trial);
+  if (trial.status != "solved") return trial;
+  const Vector x0 = told.to_original * r.x.row(0).transpose();
+  const KnownFlow known = known_flow(s, x0, s.period, 0.1 * tolerance);
+  if (!known.decided) {
+    trial.verdict = "undecided", trial.reason = known.reason;
+    return trial;
+  }
+  trial.error = (known.flow.end() - x0).cwiseQuotient(error_scale(s, known.flow)).cwiseAbs().maxCoeff();
+  trial.at = s.period;
+  compare(s, known.flow, told, r, tolerance, trial);
   return trial;
 }
 

@@ -18,11 +18,11 @@ struct KnownFlow {
   std::string reason;
   double doubt = 0;  ///< distance of the two
 };
-/// `periodic`: the state that repeats. Undecided if the two answers are further apart than `doubt`.
-KnownFlow known_flow(const EngineeringScene&, bool periodic, double doubt);
+/// From x0 up to T. Undecided if the two answers are further apart than `doubt`.
+KnownFlow known_flow(const EngineeringScene&, const Vector& x0, double T, double doubt);
 
 struct EngineeringTrial {
-  std::string verdict;  ///< right, missed (up to three tolerances), wrong, refused
+  std::string verdict;  ///< right, missed (up to three tolerances), wrong, refused, undecided
   std::string status, reason, warning, method;
   double error = 0;     ///< of x, largest of all rows, relative to error_scale
   double at = 0;        ///< where
@@ -34,7 +34,10 @@ struct EngineeringTrial {
 };
 
 /// Solves the scene file of the retold scene and compares x with the known flow of the original one.
-EngineeringTrial try_engineering(const EngineeringScene&, const KnownFlow&, const Retold&, bool periodic,
-                                 const Options&, Backend&, double tolerance);
+EngineeringTrial try_engineering(const EngineeringScene&, const KnownFlow&, const Retold&, const Options&, Backend&,
+                                 double tolerance);
+/// The same for the state that repeats after a period: the flow from x(0) of the result has to follow its rows and to
+/// return. There may be several such states.
+EngineeringTrial try_periodic(const EngineeringScene&, const Retold&, const Options&, Backend&, double tolerance);
 
 }  // namespace bromwich::oracle

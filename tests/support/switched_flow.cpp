@@ -90,6 +90,11 @@ class FlowMaker {
       const double seen = s.N.row(j).transpose().cwiseQuotient(s.weight).cwiseAbs().maxCoeff();
       if (seen > 0) flow_.driven = std::max(flow_.driven, s.G.row(j).cwiseAbs().sum() / seen);
     }
+    // Diodes side by side share their current in any way: a resistance a billion times smaller than what else limits
+    // y lets them share it in one way.
+    M_ = s.M;
+    const Vector moved = unit_ * s.N.cwiseAbs().cwiseProduct(s.B.cwiseAbs().transpose()).rowwise().sum();
+    M_.diagonal() += steps.resistance * moved.cwiseMax(s.M.diagonal().cwiseMax(0));
     make_edges();
   }
 
@@ -202,7 +207,7 @@ class FlowMaker {
     const Vector u = signals(t + h), moved = x_ + h * (s_.F * u), free = lu.solve(moved);
     Matrix gain(m_, n_);
     for (Index j = 0; j < n_; ++j) gain.col(j) = lu.solve(Vector(h * s_.B.col(j)));
-    const Matrix M = s_.M + s_.N * gain;
+    const Matrix M = M_ + s_.N * gain;
     const Vector q = s_.N * free + s_.G * u;
     const auto basis = complementary_basis(M, q);
     if (!basis) return false;
@@ -224,7 +229,7 @@ class FlowMaker {
     auto& found = cache_[{basis_, h}];
     if (found) return *found;
     const Index k = Index(set_.size()), size = m_ + k;
-    const Matrix BS = s_.B(Eigen::all, set_), NS = s_.N(set_, Eigen::all), MS = s_.M(set_, set_);
+    const Matrix BS = s_.B(Eigen::all, set_), NS = s_.N(set_, Eigen::all), MS = M_(set_, set_);
     Matrix K = Matrix::Zero(3 * size, 3 * size);
     for (Index a = 0; a < 3; ++a) {
       K.block(a * size, a * size, m_, m_).setIdentity();
@@ -261,7 +266,7 @@ class FlowMaker {
     for (Index a = 0; a < 3 && made.signs; ++a) {
       made.x.col(a) = x + z.segment(a * size, m_);
       for (Index i = 0; i < k; ++i) made.y(set_[std::size_t(i)], a) = z[a * size + m_ + i];
-      const Vector g = s_.G * u.col(a), Nx = s_.N * made.x.col(a), y = made.y.col(a), w = Nx + s_.M * y + g;
+      const Vector g = s_.G * u.col(a), Nx = s_.N * made.x.col(a), y = made.y.col(a), w = Nx + M_ * y + g;
       sizes_w_ = sizes_w_.cwiseMax(s_.N.cwiseAbs() * flow_.largest + s_.M.cwiseAbs() * sizes_y_ + g.cwiseAbs());
       // y of a held distance is found from second differences: rounding over (h / unit)^2, at most.
       const double of_y = std::clamp(1e-15 * std::pow(unit_ / h, 2), 1e-10, 1e-4);
@@ -276,6 +281,7 @@ class FlowMaker {
   const EngineeringScene& s_;
   FlowSteps steps_;
   Index m_, n_;
+  Matrix M_;
   Vector x_, sizes_w_, sizes_y_;
   double unit_ = 0, middle_ = 0;
   int kept_ = 0;  ///< steps of this length
@@ -320,30 +326,6 @@ double distance(const EngineeringScene& s, const Flow& a, const Flow& b, Index c
     largest = std::max(largest, apart);
   }
   return largest;
-}
-
-Flow periodic_flow(const EngineeringScene& s, const Vector& guess, const FlowSteps& steps) {
-  constexpr int most = 12;
-  Vector x = guess;
-  Flow flow = switched_flow(s, x, s.period, steps);
-  for (int k = 0; k < most && flow.decided; ++k) {
-    const Vector scale = error_scale(s, flow), defect = flow.end() - x;
-    if (defect.cwiseQuotient(scale).cwiseAbs().maxCoeff() < 1e-7) return flow;
-    Matrix J = -Matrix::Identity(s.states(), s.states());
-    for (Index i = 0; i < x.size(); ++i) {
-      const double change = 1e-4 * scale[i];
-      Vector moved = x;
-      moved[i] += change;
-      const Flow other = switched_flow(s, moved, s.period, steps);
-      if (!other.decided) return other;
-      J.col(i) += (other.end() - flow.end()) / change;
-    }
-    x -= ScaledLu(J).solve(defect);
-    flow = switched_flow(s, x, s.period, steps);
-  }
-  if (flow.decided) flow.reason = "the iteration for the periodic state does not converge";
-  flow.decided = false;
-  return flow;
 }
 
 }  // namespace bromwich::oracle

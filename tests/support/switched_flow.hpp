@@ -16,6 +16,7 @@ struct FlowSteps {
   double error = 1e-9;        ///< of a step, relative to the largest values so far
   double crossing = 2e-7;     ///< length of the short steps, relative to T or the shortest time of a source
   double longest = 1.0 / 60;  ///< step, relative to the same: y may dip below zero between stages
+  double resistance = 1e-9;   ///< added to the diagonal of M, relative to what else limits y
   long most = 300000;         ///< steps after which the flow is undecided
 };
 
@@ -40,10 +41,6 @@ struct Flow {
 
 Flow switched_flow(const EngineeringScene&, const FlowSteps& = {});
 Flow switched_flow(const EngineeringScene&, const Vector& x0, double T, const FlowSteps& = {});
-
-/// x(0) = x(period), by Newton's method on the flow of a period from `guess`, with differences; a flow that is not
-/// decided if it does not converge.
-Flow periodic_flow(const EngineeringScene&, const Vector& guess, const FlowSteps& = {});
 
 /// Largest distance of two flows at `count` times, each component relative to max(|x_i|, 1e-3 of the largest, by
 /// weight). Where x jumps the nearer limit counts.
