@@ -51,6 +51,7 @@ class EventIntegration {
     at_.h = longest_;
     at_.x = scene.x0;
     at_.sizes.include_x(at_.x);
+    at_.sizes.u.f = sources_.f(0).cwiseAbs();
     put_on_constraints();
     at_.y = at_.integral = at_.sizes.y = solution_.doubt = of_y;
   }
@@ -76,7 +77,7 @@ class EventIntegration {
   }
 
  private:
-  // Constraints on the state alone that x0 violates by rounding: the smallest change of x0 that meets them, each
+  // Constraints on the state alone that x0 meets but for rounding: the smallest change of x0 that meets them, each
   // component relative to its size.
   void put_on_constraints() {
     Vector g = Vector::Zero(n_);
@@ -85,7 +86,7 @@ class EventIntegration {
     const Vector terms = terms_of_motion(system_.A, system_.N, at_.x, f, g, T_);
     std::vector<Index> rows;
     for (Index i = 0; i < n_; ++i)
-      if (w[i] < 0 && w[i] >= -rounding_of_restarts * terms[i] && system_.M.row(i).isZero(0)) rows.push_back(i);
+      if (std::abs(w[i]) <= rounding_of_restarts * terms[i] && system_.M.row(i).isZero(0)) rows.push_back(i);
     if (rows.empty()) return;
     const Vector size = terms_of_motion(system_.A, Matrix::Identity(m_, m_), at_.x, f, Vector::Zero(m_), T_);
     const Matrix N = system_.N(rows, Eigen::all) * size.asDiagonal();
@@ -118,6 +119,10 @@ class EventIntegration {
     if (!next.mode && !enumerates_ && n_ <= Successor::most_enumerated) {
       at_ = here;
       next = successor_.choose_among_all(at_);
+    }
+    if (!next.mode && !enumerates_) {
+      at_ = here;
+      next = successor_.choose_brief(at_);
     }
     if (!next.unique && enumerates_)
       return give_up(std::string(several_solutions) + ": two active sets continue it differently");

@@ -132,7 +132,10 @@ Successor::Entry Successor::attempt(const std::vector<Index>& set, double least,
   if (steps_.resolve(*mode, p, next)) {
     const double lasts = next.valid * next.length;
     found_ = next.valid >= 1 || (lasts >= least && !next.at_once);
-    if (found_ || (lasts > best_.lasts && !next.at_once)) best_ = {mode, lasts, std::move(next), p.x, p.integral};
+    if (found_ || (lasts > best_.lasts && !next.at_once))
+      best_ = {mode, lasts, std::move(next), p.x, p.integral};
+    else if (impulses_.empty() && lasts > brief_.lasts)
+      brief_ = {mode, lasts, std::move(next), p.x, p.integral};
   }
   p.x = x;
   p.integral = integral;
@@ -186,9 +189,17 @@ void Successor::prefer_least_of_all(EventPoint& p) {
   }
 }
 
+Successor::Choice Successor::choose_brief(EventPoint& p) {
+  if (!(brief_.lasts > 4 * epsilon * T_)) return {};
+  p.x = std::move(brief_.x);
+  p.integral = std::move(brief_.integral);
+  return {brief_.mode, std::move(brief_.step)};
+}
+
 Successor::Choice Successor::choose(EventPoint& p, bool y_is_known, const std::optional<std::vector<Index>>& likely) {
   p.sizes.include_x(p.x);
   impulses_.clear();
+  brief_ = {};
   for (int jumps = 0; jumps <= most_jumps_at_once; ++jumps) {
     const double h = steps_.longest_from(p);
     best_ = {};

@@ -40,6 +40,9 @@ class Successor {
   /// takes y of least norm where several lead to one state. Where none continues without a jump, the state jumps if all
   /// impulses that may be lead to one state.
   Choice choose_among_all(EventPoint& p);
+  /// Where both find none: the set that `choose` saw last longest, though it ends before its event is clear of
+  /// rounding.
+  Choice choose_brief(EventPoint& p);
 
  private:
   enum class Entry { smooth, jumped, refused };
@@ -76,6 +79,7 @@ class Successor {
   std::map<std::vector<Index>, std::optional<SwitchedMode>> modes_;
   std::set<std::vector<Index>> tried_;
   Candidate best_;      ///< that lasted longest
+  Candidate brief_;     ///< likewise, of those that end at once
   bool found_ = false;  ///< it lasts long enough
   std::vector<EventImpulse> impulses_;
 };
