@@ -89,21 +89,32 @@ std::vector<double> different(const Eigen::Ref<const Vector>& column) {
   return found;
 }
 
+/// The ends of cells around the values, which a map shows from one end to the next.
+Vector ends_of(const std::vector<double>& values) {
+  const std::size_t n = values.size();
+  Vector ends(Index(n) + 1);
+  for (std::size_t k = 1; k < n; ++k) ends[Index(k)] = (values[k - 1] + values[k]) / 2;
+  ends[0] = values[0] - (ends[1] - values[0]);
+  ends[Index(n)] = values[n - 1] + (values[n - 1] - ends[Index(n) - 1]);
+  return ends;
+}
+
 /// Over two parameters whose values are all combined.
 std::string map_of(const SweepRows& rows, Index a, Index b, Index column) {
   const std::vector<double> across = different(rows.swept.col(a)), up = different(rows.swept.col(b));
-  RowMatrix values = RowMatrix::Constant(Index(across.size()), Index(up.size()), NAN);
+  RowMatrix values = RowMatrix::Constant(Index(across.size()) + 1, Index(up.size()), NAN);
   const auto place = [](const std::vector<double>& all, double value) {
     return Index(std::lower_bound(all.begin(), all.end(), value) - all.begin());
   };
   for (Index k = 0; k < rows.swept.rows(); ++k)
     values(place(across, rows.swept(k, a)), place(up, rows.swept(k, b))) = rows.values(k, column);
+  values.bottomRows(1) = values.row(Index(across.size()) - 1);
   const std::string &x = rows.parameters[std::size_t(a)], &y = rows.parameters[std::size_t(b)];
   HeatMap map{rows.columns[std::size_t(column)] + " over " + x + " and " + y,
               x,
               y,
               rows.columns[std::size_t(column)],
-              Eigen::Map<const Vector>(across.data(), Index(across.size())),
+              ends_of(across),
               std::move(values)};
   map.rows = up;
   return heat_map(map);
