@@ -36,21 +36,30 @@ constexpr const char* incomplete_switches =
     "not all times at which a source jumps or has a kink were found: its expressions switch too often; declare them as "
     "jumps in [time]";
 
-/// What the file says beside the scene. `set`: some parameters have other values than in the file.
-void add_facts(SceneFile& file, const Document& document, const Sections& sections, bool set) {
+/// tol, or tolerance; 1e-3 where the file states no steps either.
+std::optional<double> read_tolerance(const Section& time, bool steps_are_set) {
+  constexpr double otherwise = 1e-3;
+  const std::optional<double> tol = time.optional_number("tol"), tolerance = time.optional_number("tolerance");
+  if (tol && tolerance) throw Error(time.where("tolerance"), "is given beside tol", "give one of them");
+  const std::optional<double> stated = tol ? tol : tolerance;
+  if (stated && !(*stated > 0 && *stated < 1))
+    throw Error(time.where(tol ? "tol" : "tolerance"), fmt::format("found {}", *stated),
+                "give a number between 0 and 1, such as 1e-4");
+  return stated || steps_are_set || time.has("steps") ? stated : otherwise;
+}
+
+/// What the file says beside the scene. `settings`: parameters with other values than in the file.
+void add_facts(SceneFile& file, const Document& document, const Sections& sections, const ParameterValues& settings) {
   file.scene.name = sections.top.text("name", std::filesystem::path(document.name).stem().string());
   file.description = sections.top.text("description", "");
   file.parameters = document.expressions.parameters();
   file.states = sections.output.text("states", "none");
   parse_state_choice(sections.output.where("states"), file.states, file.scene);
-  file.tolerance = sections.time.optional_number("tolerance");
-  if (file.tolerance && !(*file.tolerance > 0 && *file.tolerance < 1))
-    throw Error(sections.time.where("tolerance"), fmt::format("found {}", *file.tolerance),
-                "give a number between 0 and 1, such as 1e-4");
+  file.tolerance = read_tolerance(sections.time, settings.contains("steps"));
   try {
     file.reference = read_reference(sections.reference, file.scene);
   } catch (const Error&) {  // it is valid for the parameters of the file, and others may change sizes and T
-    if (!set) throw;
+    if (settings.empty()) throw;
   }
   file.quantity = read_quantity(sections.quantity, file.scene);
 }
@@ -81,7 +90,7 @@ NonlinearFile SceneReader::nonlinear(const ParameterValues& settings) {
   number_of_sources = draft.sources;
   if (sections.kronecker.given()) file.rectangle = read_rectangle(sections);
   if (!draft.switches.complete) file.warning = incomplete_switches;
-  add_facts(file, document, sections, !settings.empty());
+  add_facts(file, document, sections, settings);
   file.inputs = document.read;
   file.inputs.insert(file.inputs.end(), path.begin(), path.end());
   read.system = read_nonlinear(sections, file.scene);

@@ -45,7 +45,7 @@ const std::vector<SectionKeys>& scene_file_keys() {
       {"port", {"E", "J", "R", "Q", "B", "u", "jumps", "x0"}},
       {"boundary", {"E0", "ET", "b"}},
       {"free", {"rows"}},
-      {"time", {"T", "steps", "tolerance", "jumps"}},
+      {"time", {"T", "steps", "tol", "tolerance", "jumps"}},
       {"names", {"x", "y", "w"}},
       {"units", {"t", "x", "y", "w"}},
       {"output", {"states"}},
