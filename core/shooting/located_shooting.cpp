@@ -22,7 +22,7 @@ constexpr double rounding_of_F = 1e-14;  ///< of its terms
 constexpr double small_F = 1e-6;         ///< likewise: after more, no step is the last
 constexpr double finest_flow = 1e-12;
 constexpr double least_size = 1e-3;       ///< of the largest component: sizes of others are at least that
-constexpr double singular_share = 1e-11;  ///< of the largest singular value of E0 + ET D
+constexpr double singular_share = 1e-11;  ///< of the terms of E0 + ET D: singular values that are rounding
 constexpr int most_newton = 40, most_halved = 8;
 constexpr int first_periods = 2, later_periods = 10, most_periods = 150;
 constexpr double settles = 0.99;  ///< of F before some periods, at most
@@ -46,7 +46,8 @@ struct ShootingMatrix {
       if (terms > 0) rows[i] = 1 / terms;
     }
     svd.compute(rows.asDiagonal() * K, Eigen::ComputeThinU | Eigen::ComputeThinV);
-    svd.setThreshold(singular_share);
+    const Vector& values = svd.singularValues();
+    svd.setThreshold(values[0] > singular_share ? singular_share / values[0] : 1.0);
     regular = svd.rank() == size.size();
   }
   /// dx of least norm.

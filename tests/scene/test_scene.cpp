@@ -71,7 +71,7 @@ TEST(Scene, RejectsWrongSizes) {
       {"A", [](Scene& s) { dense(s).A = Matrix(0, 0); }},
       {"A", [](Scene& s) { dense(s).A = Matrix::Zero(3, 2); }},
       {"B", [](Scene& s) { dense(s).B = Matrix::Zero(2, 2); }},
-      {"B", [](Scene& s) { dense(s).B = Matrix(3, 0); }},
+      {"N", [](Scene& s) { dense(s).B = Matrix(3, 0); }},  // no constraints, but rows of N
       {"N", [](Scene& s) { dense(s).N = Matrix::Zero(3, 2); }},
       {"N", [](Scene& s) { dense(s).N = Matrix::Zero(2, 2); }},
       {"M", [](Scene& s) { s.M = Matrix(Matrix::Zero(2, 3)); }},
