@@ -263,7 +263,8 @@ TEST(Mixed, BoundaryValuesAreRefusedByMethodsThatNeedInitialOnes) {
     const Result result = run(scene, method, 16);
     EXPECT_EQ(result.status, Status::unsupported);
     EXPECT_EQ(result.method, method);
-    EXPECT_EQ(result.reason, "it needs initial values and the scene has boundary values; use method shooting or galerkin");
+    EXPECT_EQ(result.reason,
+              "it needs initial values and the scene has boundary values; use method shooting or galerkin");
   }
 }
 
