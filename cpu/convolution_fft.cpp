@@ -39,7 +39,7 @@ class FftConvolution final : public Convolution {
         start_(table.S),
         damping_(damping(growth(table.W), rows)),
         real_(team.threads(), fft_.length()),
-        work_((modal_ ? 0 : k_) + Index(team.threads()), fft_.frequencies()) {
+        work_((modal_ ? 0 : k_) + Index(team.threads()), padded(fft_.frequencies())) {
     // The factor 1/length of the inverse transform is folded into the weights.
     Vector padded(fft_.length());
     for (Index c = 0; c < weights_.rows(); ++c) {
@@ -75,7 +75,7 @@ class FftConvolution final : public Convolution {
   void apply_modal(const RowMatrix& y, RowMatrix& v) {
     team_.share(n_, [&](Index l, int thread) {
       double* real = real_.row(thread).data();
-      auto spectrum = work_.row(thread);
+      auto spectrum = work_.row(thread).head(fft_.frequencies());
       column_spectrum(y, l, real, spectrum.data());
       spectrum.array() *= weights_.row(l).array();
       fft_.backward(spectrum.data(), real);
@@ -88,9 +88,10 @@ class FftConvolution final : public Convolution {
     team_.share(k_, [&](Index c, int thread) { column_spectrum(y, c, real_.row(thread).data(), work_.row(c).data()); });
     team_.share(n_, [&](Index i, int thread) {
       double* real = real_.row(thread).data();
-      auto sum = work_.row(k_ + thread);
+      auto sum = work_.row(k_ + thread).head(fft_.frequencies());
       sum.setZero();
-      for (Index c = 0; c < k_; ++c) sum.array() += weights_.row(i * k_ + c).array() * work_.row(c).array();
+      for (Index c = 0; c < k_; ++c)
+        sum.array() += weights_.row(i * k_ + c).array() * work_.row(c).head(sum.size()).array();
       fft_.backward(sum.data(), real);
       for (Index j = 0; j < rows_; ++j)
         v(j, i) = real[j] / damping_[j] + start_.row(j).segment(i * k_, k_).dot(y.row(0));

@@ -36,7 +36,7 @@ class Level {
         fft_(2 * L),
         damping_(damping(sigma, 2 * L)),
         weights_(n_ * n_, fft_.frequencies()),
-        spectra_(n_ + team.threads(), fft_.frequencies()),
+        spectra_(n_ + team.threads(), padded(fft_.frequencies())),
         real_(team.threads(), 2 * L),
         team_(team) {
     const Index lags = std::min<Index>(2 * L, table.W.rows());
@@ -59,9 +59,10 @@ class Level {
     });
     team_.share(n_, n_ * L_ >= parallel_size, [&](Index i, int thread) {
       double* real = real_.row(thread).data();
-      auto sum = spectra_.row(n_ + thread);
+      auto sum = spectra_.row(n_ + thread).head(fft_.frequencies());
       sum.setZero();
-      for (Index c = 0; c < n_; ++c) sum.array() += weights_.row(i * n_ + c).array() * spectra_.row(c).array();
+      for (Index c = 0; c < n_; ++c)
+        sum.array() += weights_.row(i * n_ + c).array() * spectra_.row(c).head(sum.size()).array();
       fft_.backward(sum.data(), real);
       // The first half of the product has wrapped around; the second half belongs to the target rows.
       for (Index j = 0; j < rows; ++j) v(from + L_ + j, i) += real[L_ + j] / damping_[L_ + j];

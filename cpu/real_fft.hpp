@@ -11,6 +11,10 @@ namespace bromwich::cpu {
 
 using Spectra = Eigen::Matrix<Complex, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
+/// Columns with which rows begin every 64 bytes: they are aligned alike, and results do not depend on whose row of
+/// scratch memory a thread has taken.
+inline Index padded(Index columns) { return (columns + 3) / 4 * 4; }
+
 /// "FFTW" or "pocketfft".
 const char* transform_library();
 

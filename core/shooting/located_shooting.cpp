@@ -47,7 +47,7 @@ struct ShootingMatrix {
     }
     svd.compute(rows.asDiagonal() * K, Eigen::ComputeThinU | Eigen::ComputeThinV);
     const Vector& values = svd.singularValues();
-    svd.setThreshold(values[0] > singular_share ? singular_share / values[0] : 1.0);
+    svd.setThreshold(values[0] > singular_share ? singular_share / values[0] : 2.0);  // 2: the rank is 0
     regular = svd.rank() == size.size();
   }
   /// dx of least norm.
