@@ -44,7 +44,8 @@ def set_dynamics(
     for name, value in (("A", A), ("B", B), ("N", N)):
         if value is None and not (without_constraints and name != "A"):
             raise Error(f"{name}: is missing; give A, B and N, A alone for a scene without constraints, or dynamics", name)
-    m = np.shape(A)[0] if np.ndim(A) > 0 else 1
+    A = A if is_sparse(A) else matrix(A, "A")
+    m = A.shape[0]
     if without_constraints:
         B, N = np.zeros((m, 0)), np.zeros((0, m))
     if is_sparse(A):
@@ -52,7 +53,7 @@ def set_dynamics(
         model.set_sparse(compressed(A, "A"), compressed(B, "B", column=True), compressed(N, "N"), sparse_E)
         return
     dense_E = None if E is None else multiple(E, m, "E")
-    model.set_dense(matrix(A, "A"), matrix(B, "B", column=True), matrix(N, "N"), dense_E)
+    model.set_dense(A, matrix(B, "B", column=True), matrix(N, "N"), dense_E)
 
 
 def set_lcp(model: _core.Model, M: Any) -> None:

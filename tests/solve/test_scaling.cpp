@@ -105,7 +105,10 @@ Compared expect_same(const Scene& scene, const UnitChange& units, Method method,
   EXPECT_EQ(a.status, b.status) << a.result.reason << " | " << b.result.reason;
   EXPECT_EQ(a.result.steps, b.result.steps);
   if (a.status != "solved" || a.status != b.status) return Compared::same;
-  EXPECT_LE(apart(a.result.y, b.result.y, units.y, natural.y), std::max(1e-10, larger * y));
+  // Behind an impulse at t = 0 the first row is that of a short part, whose length depends on the units.
+  const Index rows = a.result.y.rows() - (a.result.starts_with_impulse ? 1 : 0);
+  EXPECT_LE(apart(a.result.y.bottomRows(rows), b.result.y.bottomRows(rows), units.y, natural.y),
+            std::max(1e-10, larger * y));
   EXPECT_LE(apart(a.result.x, b.result.x, units.x, natural.x), std::max(1e-10, larger * x));
   return Compared::same;
 }
