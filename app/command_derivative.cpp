@@ -138,8 +138,8 @@ Json to_json(const SceneChoice& choice, const ParameterDerivative& d, const Resu
   json["t"] = table.t;
   for (std::size_t k = 0; k < table.columns.size(); ++k) {
     const std::string& column = table.columns[k].name;
-    const auto values = [&](const Matrix& m) {
-      return std::vector<double>(m.col(Index(k)).begin(), m.col(Index(k)).end());
+    const auto values = [&](const Matrix& of) {
+      return std::vector<double>(of.col(Index(k)).begin(), of.col(Index(k)).end());
     };
     json["values"][column] = values(table.values);
     for (std::size_t i = 0; i < table.slopes.size(); ++i)

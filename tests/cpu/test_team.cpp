@@ -53,7 +53,7 @@ TEST(Team, RangesPartitionTheIndices) {
           for (Index i = begin; i < end; ++i) ++calls[std::size_t(i)];
         });
         EXPECT_EQ(calls, std::vector<int>(std::size_t(count), 1));
-        if (!enough || threads == 1) EXPECT_EQ(ranges, count > 0 ? 1 : 0);
+        EXPECT_TRUE((enough && threads > 1) || ranges == (count > 0 ? 1 : 0)) << ranges;
       }
 }
 
