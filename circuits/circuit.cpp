@@ -22,7 +22,6 @@ using namespace circuits;
 /// Bounds of a gated switch: one value while it is open, another while it is closed.
 Waveform gate_waveform(SwitchTimes times, double open, double closed) {
   Waveform w;
-  w.largest = std::max(open, closed);
   w.linear = true;
   const auto shared = std::make_shared<const SwitchTimes>(std::move(times));
   w.value = [=](double t) {

@@ -48,12 +48,6 @@ struct Coupling {
   double value = 0;
 };
 
-struct Measurement {
-  std::string name;
-  std::vector<std::string> words;
-  Place place;
-};
-
 struct Netlist {
   std::string title;
   std::vector<Element> elements;

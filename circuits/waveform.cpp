@@ -36,7 +36,6 @@ struct Points {
 Waveform from_points(Points points) {
   Waveform w;
   w.linear = true;
-  for (const double v : points.v) w.largest = std::max(w.largest, std::abs(v));
   w.breakpoints = [times = points.t](double T) {
     std::vector<double> all;
     for (const double t : times)
@@ -59,7 +58,6 @@ Waveform pulse(const std::vector<double>& a, double stop, const Place& place) {
   Points one{{0, rise, rise + width, rise + width + fall}, {v1, v2, v2, v1}};
   Waveform w;
   w.linear = true;
-  w.largest = std::max(std::abs(v1), std::abs(v2));
   const double last = cycles > 0 ? cycles : INFINITY;
   // Whether t is in a pulse, and where in it. Times within rounding of the begin of a period belong to it.
   const auto place_in = [=](double t, double& inside) {
@@ -122,7 +120,6 @@ Waveform sine(const std::vector<double>& a) {
     return delay > 0 && delay < T ? std::vector<double>{delay} : std::vector<double>{};
   };
   w.period = damping == 0 && at(2) > 0 ? 1 / at(2) : 0;
-  w.largest = std::abs(offset) + std::abs(amplitude);
   return w;
 }
 
@@ -151,7 +148,6 @@ Waveform exponential(const std::vector<double>& a, const Place& place) {
       if (t > 0 && t < T && (all.empty() || t > all.back())) all.push_back(t);
     return all;
   };
-  w.largest = std::max(std::abs(a[0]), std::abs(a[1]));
   return w;
 }
 
@@ -166,7 +162,6 @@ Waveform modulated(const std::vector<double>& a) {
            (carrier + index * signal * std::cos(signal * t));
   };
   w.breakpoints = [](double) { return std::vector<double>{}; };
-  w.largest = std::abs(offset) + std::abs(amplitude);
   return w;
 }
 
@@ -190,9 +185,7 @@ Waveform constant_waveform(double value) {
   w.value = [value](double) { return value; };
   w.slope = [](double) { return 0.0; };
   w.breakpoints = [](double) { return std::vector<double>{}; };
-  w.period = INFINITY;
-  w.largest = std::abs(value);
-  w.constant = w.linear = true;
+  w.linear = true;
   return w;
 }
 

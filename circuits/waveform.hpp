@@ -14,9 +14,7 @@ struct Waveform {
   std::function<double(double t)> slope;  ///< its derivative, behind a kink
   /// Jumps and kinks in (0, T), increasing.
   std::function<std::vector<double>(double T)> breakpoints;
-  double period = 0;   ///< 0: not periodic; infinite: constant
-  double largest = 0;  ///< about the largest |value|, for scales
-  bool constant = false;
+  double period = 0;    ///< 0: not periodic
   bool linear = false;  ///< between its breakpoints
 };
 

@@ -8,6 +8,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <filesystem>
 #include <map>
 #include <numbers>
 #include <vector>
@@ -89,6 +90,21 @@ TEST(Circuit, DiodeIsTwoLines) {
   EXPECT_NEAR(found[1].at("I(D1)"), 0, 1e-9);
 }
 
+// The netlists of examples/, with their own tolerance.
+TEST(Circuit, ExamplesAreSolved) {
+  const auto backend = make_cpu_backend(1);
+  for (const auto& file : std::filesystem::directory_iterator(BROMWICH_EXAMPLES "/circuits")) {
+    const Circuit c = read_circuit(file.path());
+    EXPECT_TRUE(c.notes.empty()) << file.path();
+    Options options;
+    options.tolerance_x = 1e-4;
+    options.states = StateSelection::all;
+    const Result r = solve(c.scene, *backend, options);
+    EXPECT_EQ(r.status, Status::solved) << file.path() << ": " << r.reason;
+    EXPECT_TRUE(output_values(c, r).bottomRows(1).allFinite()) << file.path();
+  }
+}
+
 struct Known {
   const char* name;
   const char* cards;
@@ -143,7 +159,7 @@ INSTANTIATE_TEST_SUITE_P(
               ".tran 5u 1m uic\n",
               1e-3,
               {{"V(out)", 3.3504919}, {"I(L1)", 3.5381958}}}),
-    [](const auto& info) { return info.param.name; });
+    [](const auto& one) { return one.param.name; });
 
 }  // namespace
 }  // namespace bromwich

@@ -16,7 +16,8 @@ struct FlowSteps {
   double error = 1e-9;        ///< of a step, relative to the largest values so far
   double crossing = 2e-7;     ///< length of the short steps, relative to T or the shortest time of a source
   double longest = 1.0 / 60;  ///< step, relative to the same: y may dip below zero between stages
-  double resistance = 0;      ///< added to the diagonal of M, relative to what else limits y
+  double resistance = 0;      ///< added to the diagonal of M, relative to what else limits y: a flow that a small one
+                              ///< moves is not determined by the scene
   long most = 300000;         ///< steps after which the flow is undecided
 };
 
