@@ -50,6 +50,11 @@ Vector larger(const Vector& before, const Matrix& c) {
   return before.cwiseMax(c.cwiseAbs().colwise().sum().transpose());
 }
 
+// Bounds the derivatives on [0, 1].
+Vector largest_slope(const Matrix& c) {
+  return (Collocation::get().derivative * c).cwiseAbs().colwise().sum().transpose();
+}
+
 // h (I - hA)^{-1}: how constant inputs move the state in a step of implicit Euler. Fast modes that decay count with the
 // states to which they tend, and not with h times their rates. Where a mode grows much, this is singular or too small:
 // h I.
@@ -214,8 +219,11 @@ void EventSteps::find_event(const SwitchedMode& mode, const EventPoint& p, const
   // A state that terms of x' hold at zero is rounding of these terms.
   const Vector rounding = rounding_of_x(sizes), in_y = mode.y.x.cwiseAbs() * rounding,
                in_w = system_.N.cwiseAbs() * rounding;
-  // Terms of N x and M y that cancel in the mode leave their rounding, not the error of the steps.
-  step.zero_w = noise() * terms(mode.w, size) + 64 * epsilon * of_w + in_w;
+  // Terms of N x and M y that cancel in the mode leave their rounding, not the error of the steps. What changes within
+  // the rounding of t is rounding too.
+  const double of_t = 4 * epsilon * T_ / step.length;
+  step.zero_w = noise() * terms(mode.w, size) + 64 * epsilon * of_w + in_w + of_t * largest_slope(step.w);
+  const Vector zero_y = noise() * of_y + in_y + of_t * largest_slope(step.y);
   if (!sources_agree(mode, size, step)) {
     step.valid = 0;
     step.event = mode.active.front();
@@ -233,7 +241,7 @@ void EventSteps::find_event(const SwitchedMode& mode, const EventPoint& p, const
     const bool active = k < mode.active.size() && mode.active[k] == i;
     if (active) ++k;
     if (free && (*free)[std::size_t(i)]) continue;
-    const double zero = (active ? noise() * of_y[i] + in_y[i] : step.zero_w[i]) + 1e-290;
+    const double zero = (active ? zero_y[i] : step.zero_w[i]) + 1e-290;
     const Vector coefficients = (active ? step.y : step.w).col(i);
     const double at = first_below(c.bernstein * coefficients, zero);
     if (at >= step.valid) continue;

@@ -1,6 +1,7 @@
 #include "core/events/short_steps.hpp"
 
 #include "core/lcp/active_set.hpp"
+#include "core/lcp/lemke.hpp"
 #include "core/lcp/solution.hpp"
 
 #include <Eigen/Dense>
@@ -95,6 +96,8 @@ ShortSteps::Step ShortSteps::take(double t, double h, const Vector& x, const Vec
   const Vector terms = problem.cwiseAbs() * step.y + q.cwiseAbs();
   for (Index i = 0; i < q.size(); ++i)
     if (step.y[i] > 0 || lcp.slack()[i] <= zero_share * terms[i]) step.zero_w.push_back(i);
+  const Equilibration e = equilibrate(problem);
+  step.basis = lemke(e.rows.asDiagonal() * problem * e.columns.asDiagonal(), e.rows.cwiseProduct(q)).basis;
   return step;
 }
 

@@ -6,6 +6,7 @@
 
 #include <Eigen/LU>
 
+#include <algorithm>
 #include <cmath>
 #include <vector>
 
@@ -57,11 +58,16 @@ class Tableau {
     return y;
   }
 
-  /// y from the basis itself: y_S = -M_SS^{-1} q_S without the rounding of the pivots.
-  Vector solution(const Vector& q) const {
+  std::vector<Index> basis_of_y() const {
     std::vector<Index> S;
     for (const Index v : basis_)
       if (v >= n_) S.push_back(v - n_);
+    std::sort(S.begin(), S.end());
+    return S;
+  }
+
+  /// y from the basis itself: y_S = -M_SS^{-1} q_S without the rounding of the pivots.
+  Vector solution(const std::vector<Index>& S, const Vector& q) const {
     Vector y = Vector::Zero(n_);
     if (!S.empty()) y(S) = Vector(Eigen::PartialPivLU<Matrix>(M_(S, S)).solve(-q(S)));
     return y.cwiseMax(0);
@@ -104,7 +110,8 @@ LemkeOutcome lemke(const Matrix& M, const Vector& q) {
   for (; outcome.pivots < cap; ++outcome.pivots) {
     const Index left = tableau.pivot(row, entering, column);
     if (left == 2 * n) {
-      outcome.y = tableau.solution(q);
+      outcome.basis = tableau.basis_of_y();
+      outcome.y = tableau.solution(outcome.basis, q);
       outcome.solved = outcome.y.allFinite();
       return outcome;
     }

@@ -4,13 +4,18 @@
 
 #include "matrix.hpp"
 
+#include <vector>
+
 namespace bromwich {
 
 struct LemkeOutcome {
   bool solved = false;
   bool ray = false;  ///< proves infeasibility for PSD and Z matrices only
   int pivots = 0;
-  Vector y;          ///< solution, where solved
+  Vector y;  ///< solution, where solved
+  /// Indices of y in the last basis, increasing: of solutions with y_i = w_i = 0 it says which of them stays zero where
+  /// q changes a little.
+  std::vector<Index> basis;
   Vector direction;  ///< of y along the ray
 };
 

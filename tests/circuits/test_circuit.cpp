@@ -158,7 +158,14 @@ INSTANTIATE_TEST_SUITE_P(
               "S2 sw 0 g2 0 SB\nD1 sw in DB\nD2 0 sw DB\nL1 sw out 4.7u\nC1 out x 100u\nResr x 0 5m\nR1 out 0 .7\n"
               ".tran 5u 1m uic\n",
               1e-3,
-              {{"V(out)", 3.3504919}, {"I(L1)", 3.5381958}}}),
+              {{"V(out)", 3.3504919}, {"I(L1)", 3.5381958}}},
+        // Two diodes close within 1e-20 s.
+        Known{"six_pulse",
+              ".model DB D(Ron=10m Vfwd=.8 Roff=1Meg)\nVa a n SIN(0 325 50)\nVb b n SIN(0 325 50 0 0 -120)\n"
+              "Vc c n SIN(0 325 50 0 0 120)\nLa a u 1m\nLb b v 1m\nLc c w 1m\nD1 u p DB\nD2 v p DB\nD3 w p DB\n"
+              "D4 0 u DB\nD5 0 v DB\nD6 0 w DB\nL1 p q 5m\nC1 q 0 470u\nR1 q 0 30\n.tran 50u 50m uic\n",
+              5e-2,
+              {{"V(q)", 519.13466}, {"I(Lb)", 17.180943}}}),
     [](const auto& one) { return one.param.name; });
 
 }  // namespace
