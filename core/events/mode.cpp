@@ -126,14 +126,18 @@ Split split(const Matrix& U, const Jet& C) {
 
 // y_S = -E^+ C, of least norm. Directions that E leaves open may not move the state. They may move w elsewhere, as of
 // relays that act alike: then the set lasts as long as w stays nonnegative.
-bool determine_y(const SystemMatrices& s, const std::vector<Index>& active, const Eigen::JacobiSVD<Matrix>& svd,
-                 Index rank, const Jet& C, Jet& y) {
+bool determine_y(const SystemMatrices& s, const std::vector<Index>& active, const Matrix& E,
+                 const Eigen::JacobiSVD<Matrix>& svd, Index rank, const Jet& C, Jet& y) {
   const Index a = Index(active.size());
   const Matrix open = svd.matrixV().rightCols(a - rank);
   const Matrix B = s.B(Eigen::all, active);
   if (open.cols() > 0 && (B * open).cwiseAbs().maxCoeff() > 1e-8 * B.cwiseAbs().maxCoeff()) return false;
-  const Matrix inverse = svd.matrixV().leftCols(rank) * svd.singularValues().head(rank).cwiseInverse().asDiagonal() *
-                         svd.matrixU().leftCols(rank).transpose();
+  const Matrix found = svd.matrixV().leftCols(rank) * svd.singularValues().head(rank).cwiseInverse().asDiagonal() *
+                       svd.matrixU().leftCols(rank).transpose();
+  // Zeros between blocks of E are known to rounding of the largest block. They are entries that a step of Newton's
+  // method (Schulz) changes as much as what it leaves.
+  const Matrix refined = found * (2 * Matrix::Identity(E.rows(), E.rows()) - E * found);
+  const Matrix inverse = (refined.cwiseAbs().array() > 2 * (refined - found).cwiseAbs().array()).select(refined, 0.0);
   Matrix select = Matrix::Zero(s.constraints(), a);
   for (Index i = 0; i < a; ++i) select(active[std::size_t(i)], i) = 1;
   // Coefficients of rounding are zero: values of y that vanish in the mode would have a sign otherwise.
@@ -198,7 +202,7 @@ std::optional<SwitchedMode> make_switched_mode(const SystemMatrices& s, const st
     mode.conditions = stacked(mode.conditions, vanish.conditions);
     mode.condition_terms = stacked(mode.condition_terms, vanish.terms);
     if (constraints.x.rows() == 0) {
-      if (!determine_y(s, active, svd, rank, C, mode.y)) return std::nullopt;
+      if (!determine_y(s, active, E, svd, rank, C, mode.y)) return std::nullopt;
       break;
     }
     if (derived == most_derivatives) return std::nullopt;

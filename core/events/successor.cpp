@@ -69,12 +69,13 @@ JetValues Successor::sources_at(const SwitchedMode& mode, const EventPoint& p, J
   return {p.x, start(here.sources.f, m), start(here.df, m), start(here.sources.g, n), start(dg, n), start(here.ddg, n)};
 }
 
-bool Successor::may_jump(const SwitchedMode& mode, const JetValues& u, const Vector& of, const Vector& impulse) const {
-  // What no impulse moves has to hold.
+bool Successor::may_jump(const SwitchedMode& mode, const JetValues& u, const Vector& zero,
+                         const Vector& impulse) const {
+  // What no impulse moves has to hold; the jump has rounding of its own.
   JetValues after = u;
   after.x += system_.B * impulse;
   const Vector left = evaluate(mode.constraints, after);
-  if (((left.cwiseAbs() - 100 * steps_.noise() * of).array() > 0).any()) return false;
+  if (((left.cwiseAbs() - 4 * zero).array() > 0).any()) return false;
   // Impulses of y and of w are nonnegative.
   if (impulse.minCoeff() < -nothing * impulse.cwiseAbs().maxCoeff()) return false;
   const Vector of_w = system_.M * impulse, terms_of_w = system_.M.cwiseAbs() * impulse.cwiseAbs();
@@ -100,14 +101,13 @@ Successor::Entry Successor::enter(const SwitchedMode& mode, EventPoint& p) {
   JetValues size;
   const JetValues u = sources_at(mode, p, size);
   const Vector off = evaluate(mode.constraints, u);
-  const Vector of = terms(mode.constraints, size);
   const Vector rounding = mode.constraints.x.cwiseAbs() * steps_.rounding_of_x(p.sizes);
-  const Vector zero = 30 * steps_.noise() * of + rounding;
+  const Vector zero = 30 * steps_.noise() * terms(mode.constraints, size) + rounding;
   const bool jumps = ((off.cwiseAbs() - zero).array() > 0).any();
   Vector impulse = mode.impulse * off;
   // Parts of a jump that constraints which hold would explain have no sign.
   if (jumps) impulse = (impulse.cwiseAbs().array() > (mode.impulse.cwiseAbs() * zero).array()).select(impulse, 0);
-  if (jumps && !may_jump(mode, u, of, impulse)) return Entry::refused;
+  if (jumps && !may_jump(mode, u, zero, impulse)) return Entry::refused;
   const Vector before = p.x;
   p.x += system_.B * impulse;
   if (jumps && !holds_behind(mode, p, impulse)) {
@@ -193,7 +193,7 @@ Successor::Choice Successor::choose_brief(EventPoint& p) {
   if (!(brief_.lasts > 4 * epsilon * T_)) return {};
   p.x = std::move(brief_.x);
   p.integral = std::move(brief_.integral);
-  return {brief_.mode, std::move(brief_.step)};
+  return {brief_.mode, std::move(brief_.step), {}};
 }
 
 Successor::Choice Successor::choose(EventPoint& p, bool y_is_known, const std::optional<std::vector<Index>>& likely) {

@@ -59,7 +59,7 @@ class Successor {
   const SwitchedMode* mode_of(const std::vector<Index>& active);
   Vector touching(const EventPoint&, bool y_is_known) const;
   JetValues sources_at(const SwitchedMode&, const EventPoint&, JetValues& size) const;
-  bool may_jump(const SwitchedMode&, const JetValues& u, const Vector& of, const Vector& impulse) const;
+  bool may_jump(const SwitchedMode&, const JetValues& u, const Vector& zero, const Vector& impulse) const;
   bool holds_behind(const SwitchedMode&, EventPoint&, const Vector& impulse);
   Entry enter(const SwitchedMode&, EventPoint&);
   std::vector<std::vector<Index>> all_sets() const;

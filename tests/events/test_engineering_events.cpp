@@ -33,10 +33,14 @@ TEST_P(LocatedEngineering, FollowsTheOracle) {
   }
 }
 
-// circuit: behind an edge of a gate y_i = w_i = 0 for several i, and only some of these stay zero. masses: friction
-// that sticks where a stop closes.
+// circuit: behind an edge of a gate y_i = w_i = 0 for several i, and only some of these stay zero. sticking: friction
+// that sticks where a stop closes. impact: beside a mass at rest, whose velocity is rounding of the terms that hold it.
+// unloaded: friction without a normal force at an impact elsewhere, whose force is zero but for rounding of the mode.
 INSTANTIATE_TEST_SUITE_P(Degenerate, LocatedEngineering,
-                         testing::Values(Drawn{"circuit", random_circuit, 33}, Drawn{"masses", random_masses, 45}),
+                         testing::Values(Drawn{"circuit", random_circuit, 33}, Drawn{"sticking", random_masses, 45},
+                                         Drawn{"impact", random_masses, 121},
+                                         Drawn{"impact_beside_rest", random_masses, 76},
+                                         Drawn{"unloaded", random_masses, 71}),
                          [](const auto& one) { return one.param.name; });
 
 }  // namespace
