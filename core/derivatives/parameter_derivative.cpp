@@ -51,11 +51,12 @@ double bend_of(const RowMatrix& table, const Vector& t, const std::vector<double
   return size > 0 ? most / size : 0;
 }
 
-// Times beside the breakpoints, so that lines end and begin with the limits there. SwitchedDerivative takes the three
-// for one time.
+// Times beside the breakpoints and the ends, so that lines end and begin with the limits there: a source may have a
+// value of its own at 0 and T. SwitchedDerivative takes the times at a breakpoint, or an end, for one.
 Vector with_limits(const Vector& times, const Scene& scene) {
   const double beside = 0.4 * same_row * scene.T;
   std::vector<double> all(times.begin(), times.end());
+  all.insert(all.end(), {beside, scene.T - beside});
   const bool known = scene.breakpoints_are_all || !(scene.f || scene.g);
   for (const double at : known ? scene.breakpoints : find_breakpoints(scene))
     if (at > 2 * beside && at < scene.T - 2 * beside) all.insert(all.end(), {at - beside, at + beside});

@@ -253,6 +253,33 @@ TEST(ParameterDerivative, FollowsJumpsThatMove) {
   EXPECT_NE(refusal([&] { at_a_row.vjp(of); }).find("is at a switch"), std::string::npos);
 }
 
+// A source with values of its own at 0 and T, as sign(sin(2 pi t)) has them: the limits from inside count. By hand:
+// x' = p with x(0) = 1 has dx(T)/dp = T; x' = y = -x - p, held active, has dx(T)/dp = e^{-T} - 1. The tolerance is that
+// of an integration to 1e-11 and of data by differences.
+TEST(ParameterDerivative, SourcesHaveTheirLimitsAtTheEnds) {
+  for (const bool in_g : {false, true}) {
+    const Make make = [in_g](double p) {
+      Scene s;
+      s.dynamics = DenseDynamics{Matrix{{0}}, Matrix{{1}}, Matrix{{1}}};
+      s.M = Matrix{{1}};
+      s.T = 2;
+      (in_g ? s.g : s.f) = [p](double t, Eigen::Ref<Vector> v) { v[0] = t > 0 && t < 2 ? p : 0; };
+      s.breakpoints_are_all = true;
+      s.x0 = Vector{{in_g ? -3.0 : 1.0}};
+      return s;
+    };
+    const double p = 0.5, expected = in_g ? std::exp(-2.0) - 1 : 2;
+    const auto backend = make_cpu_backend(1);
+    const Scene scene = make(p);
+    const ParameterDerivative d(scene, solved_with(scene, 4), *backend, {parameter(make, p)}, true);
+    EXPECT_NEAR(d.jvp(0).x(4, 0), expected, 1e-8) << in_g;
+    SolutionChange of;
+    of.x = RowMatrix::Zero(5, 1);
+    of.x(4, 0) = 1;
+    EXPECT_NEAR(d.vjp(of)[0], expected, 1e-8) << in_g;
+  }
+}
+
 // By hand: x' = f with f = 1 up to p and 0 after, so that x(T) = x0 + p. And with a set that changes at the jump.
 TEST(ParameterDerivative, OfTheTimeOfAJump) {
   const Make make = [](double p) {
