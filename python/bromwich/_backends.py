@@ -28,9 +28,7 @@ def backends() -> dict[str, BackendInfo]:
 
     Asks for CUDA devices, which loads the CUDA libraries; ``import bromwich`` does not.
     """
-    from . import _openmp, _variant
-
-    cpu = f"{_core.threads()} threads, {_variant} (for {_core.built_for}), {_core.transform}, OpenMP of {_openmp}"
+    cpu = f"{_core.threads()} threads, {_load.variant} (for {_core.built_for}), {_core.transform}, OpenMP of {_load.runtime}"
     missing = _core.cuda_missing()
     devices = [] if missing else _core.cuda_devices()
     why = missing or "no CUDA device, or no driver for it"

@@ -14,12 +14,11 @@ from ._errors import Error
 from ._io import complete, extension_of
 from ._measures import component_of, of_rows
 from ._rows import Status, Switch
+from ._scene import Scene
 
 if TYPE_CHECKING:
     import xarray
     from matplotlib.axes import Axes
-
-    from ._scene import Scene
 
 # With more scenes, a picture of scenes against time is drawn in place of curves.
 MOST_CURVES = 10

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from . import _core
 from ._errors import Error
+from ._recorded import Recorded
 from ._result_derivative import Margin, ResultDerivative, Tangent, tables, values
 from ._sources import _require
-
-if TYPE_CHECKING:
-    from ._result import Result
 
 
 class Gradient(NamedTuple):
@@ -63,7 +61,7 @@ class Derivative(ResultDerivative):
         >>> d.vjp(x=np.eye(401, 2, k=-400)).x0           # gradient of x_0(T) with respect to x0
     """
 
-    def __init__(self, result: Result, located: bool | None = None, all_times: bool = False) -> None:
+    def __init__(self, result: Recorded, located: bool | None = None, all_times: bool = False) -> None:
         super().__init__(_core.Derivative(result._answer, located, all_times), result)
 
     @property

@@ -66,6 +66,12 @@ class Interrupted(KeyboardInterrupt):
         self.result = result
 
 
+def require(held: bool, argument: str, message: str) -> None:
+    """Raises Error unless it holds."""
+    if not held:
+        raise Error(f"{argument}: {message}", argument)
+
+
 _KINDS = {
     "bad input": Error,
     "does not fit": DoesNotFit,

@@ -14,15 +14,15 @@ import numpy as np
 
 from . import _core, _hdf5
 from ._errors import Error
-from ._mesh import save_mesh
-from ._rows import Rows
+from ._mesh_file import save_mesh
+from ._recorded import Recorded
 
 FORMAT = "bromwich-result/1"
 HDF5 = (".h5", ".hdf5", ".nc")
 
 
-def save(result: Rows, path: str | os.PathLike[str]) -> None:
-    """Writes a result; see :meth:`Rows.save`."""
+def save(result: Recorded, path: str | os.PathLike[str]) -> None:
+    """Writes a result; see :meth:`Result.save`."""
     name, extension = extension_of(path, (*HDF5, ".vtkhdf", ".vtu", ".pvd", ".npz", ".csv"))
     if extension in (".vtu", ".pvd"):
         return save_mesh(result, name)
@@ -67,7 +67,7 @@ def extension_of(path: str | os.PathLike[str], extensions: tuple[str, ...]) -> t
     return name, extension
 
 
-def _valid_rows(result: Rows) -> int:
+def _valid_rows(result: Recorded) -> int:
     """Rows up to the last one with a value."""
     rows = len(result.t)
     if result.ok:
@@ -76,7 +76,7 @@ def _valid_rows(result: Rows) -> int:
     return int(np.max(np.nonzero(finite)[0], initial=-1)) + 1
 
 
-def _scales(result: Rows, arrays: dict[str, np.ndarray], named: bool = True) -> dict[str, np.ndarray]:
+def _scales(result: Recorded, arrays: dict[str, np.ndarray], named: bool = True) -> dict[str, np.ndarray]:
     """The second dimensions: numbers and names, those of the scene or y0, x0, ..."""
     numbers = {"constraint": np.arange(result.y.shape[1], dtype=np.int64)}
     if "x" in arrays:
@@ -91,7 +91,7 @@ def _scales(result: Rows, arrays: dict[str, np.ndarray], named: bool = True) -> 
     return scales
 
 
-def _grid(result: Rows, name: str) -> tuple[float, ...]:
+def _grid(result: Recorded, name: str) -> tuple[float, ...]:
     """The points of a scene on a rectangle."""
     grid = getattr(getattr(result.scene, "_model", None), "grid", None)
     if grid is None:
@@ -102,7 +102,7 @@ def _grid(result: Rows, name: str) -> tuple[float, ...]:
 
 
 def _save_hdf5(
-    result: Rows, name: str, arrays: dict[str, np.ndarray], facts: dict[str, Any], grid: tuple[float, ...] | None
+    result: Recorded, name: str, arrays: dict[str, np.ndarray], facts: dict[str, Any], grid: tuple[float, ...] | None
 ) -> None:
     scales = _scales(result, arrays)
     columns = SimpleNamespace(
@@ -132,7 +132,7 @@ def _shortest(value: float) -> str:
     return text[:-2] if text.endswith(".0") else text
 
 
-def _save_csv(result: Rows, name: str, arrays: dict[str, np.ndarray]) -> None:
+def _save_csv(result: Recorded, name: str, arrays: dict[str, np.ndarray]) -> None:
     scales = _scales(result, arrays, named=False)  # the letters of the header tell y from x
     columns = [arrays["t"][:, None], result.y[: len(arrays["t"])], arrays.get("x", np.empty((len(arrays["t"]), 0)))]
     header = ["t", *scales.get("constraint_name", []), *scales.get("state_name", [])]
@@ -153,7 +153,7 @@ FACTS = (
 FLAGS = ("continuous", "starts_with_impulse")
 
 
-def attributes(result: Rows) -> dict[str, Any]:
+def attributes(result: Recorded) -> dict[str, Any]:
     """The attributes of a result, as the command writes them."""
     facts: dict[str, Any] = {"format": FORMAT, "scene": result.scene.name, "status": str(result.status)}
     known = {name: getattr(result, name, None) for name in (*FACTS, *FLAGS)}

@@ -105,8 +105,13 @@ def _file(variant: str) -> Path | None:
     return next((file for file in files if file.exists()), None)
 
 
+#: Of the compiled part that core() has imported.
+variant, runtime = "", ""
+
+
 def core() -> tuple[str, str]:
     """Imports the variant for this processor as ``bromwich._core``; returns its name and the OpenMP runtime."""
+    global variant, runtime
     runtime, variant = openmp(), chosen()
     file = _file(variant)
     if file is not None:

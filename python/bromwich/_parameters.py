@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from . import _core
+from ._recorded import Recorded
 from ._result_derivative import ResultDerivative, Tangent, tables
+from ._scene import Scene
 from ._sources import _require
-
-if TYPE_CHECKING:
-    from ._result import Result
-    from ._scene import Scene
 
 
 class ParameterDerivative(ResultDerivative):
@@ -35,7 +33,7 @@ class ParameterDerivative(ResultDerivative):
 
     def __init__(
         self,
-        result: Result,
+        result: Recorded,
         parameters: str | Iterable[str] | Mapping[str, float],
         scene_of: Callable[..., Scene] | None = None,
         located: bool | None = None,

@@ -9,8 +9,8 @@ import numpy as np
 
 from ._arrays import listed, whole
 from ._axes import label
-from ._result import require
-from ._rows import Rows
+from ._errors import require
+from ._recorded import Recorded
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 MOST_LINES = 10
 
 
-def plot(result: Rows, what: str, components: Iterable[int] | None, ax: Axes | None) -> Any:
+def plot(result: Recorded, what: str, components: Iterable[int] | None, ax: Axes | None) -> Any:
     import matplotlib.pyplot as plt
 
     require(what in ("auto", "x", "y", "w"), "what", f"found {what!r}; use 'auto', 'x', 'y' or 'w'")
@@ -38,7 +38,7 @@ def plot(result: Rows, what: str, components: Iterable[int] | None, ax: Axes | N
     return axes[:, 0] if both else axes[0, 0]
 
 
-def _of_one_unit(result: Rows, what: str) -> list[list[int] | None]:
+def _of_one_unit(result: Recorded, what: str) -> list[list[int] | None]:
     """The columns of x or y, those of one unit together; None: all."""
     units = _units(result, what)
     if len(set(units)) < 2 or len(units) > MOST_LINES:
@@ -46,12 +46,12 @@ def _of_one_unit(result: Rows, what: str) -> list[list[int] | None]:
     return [[i for i, unit in enumerate(units) if unit == one] for one in dict.fromkeys(units)]
 
 
-def _title(result: Rows, ax: Axes) -> None:
+def _title(result: Recorded, ax: Axes) -> None:
     status = "" if result.ok else f"({result.status})"
     ax.set_title(" ".join(word for word in (result.scene.name, status) if word))
 
 
-def _draw(result: Rows, what: str, components: Iterable[int] | None, ax: Axes) -> None:
+def _draw(result: Recorded, what: str, components: Iterable[int] | None, ax: Axes) -> None:
     values = getattr(result, what)
     require(values is not None and values.shape[1] > 0, what, "was not recorded; solve with states='all'")
     if what != "x" and getattr(result, "starts_with_impulse", False):  # the first row is no value
@@ -81,13 +81,13 @@ def _draw(result: Rows, what: str, components: Iterable[int] | None, ax: Axes) -
         ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
 
 
-def _names(result: Rows, what: str) -> list[str]:
+def _names(result: Recorded, what: str) -> list[str]:
     if what == "w" and (names := getattr(result.scene, "names", {}).get("w")):
         return names
     return result.state_names if what == "x" else result.constraint_names if what == "y" else []
 
 
-def _units(result: Rows, what: str) -> list[str]:
+def _units(result: Recorded, what: str) -> list[str]:
     """One for each column."""
     columns = getattr(result, what).shape[1]
     of_scene = getattr(result.scene, "units", {}).get(what)

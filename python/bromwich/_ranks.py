@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from . import _core
+from . import _core, _load
 from ._errors import Error
 
 TOGETHER = 1 << 28  # values per message: counts of MPI are of type int
@@ -87,9 +87,7 @@ def ranks_of(ranks: Any, stop: Any) -> Ranks | None:
         return None
     if stop is not None:
         raise Error(f"stop: is given on {ranks.size} ranks, which stop together or not at all; leave it out", "stop")
-    from . import _variant
-
-    builds = ranks.allgather(f"bromwich {_core.version} ({_variant}, for {_core.built_for})")
+    builds = ranks.allgather(f"bromwich {_core.version} ({_load.variant}, for {_core.built_for})")
     for rank, build in enumerate(builds):
         if build != builds[0]:
             raise Error(f"ranks: rank {rank} runs {build} and rank 0 {builds[0]}; install one package everywhere", "ranks")

@@ -5,19 +5,18 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Callable, Iterable, Mapping
-from typing import TYPE_CHECKING, Any, overload
+from typing import Any, overload
 
 import numpy as np
 
 from . import _core
 from ._derivative import Derivative
-from ._errors import Error
+from ._errors import require
+from ._io import complete, extension_of
 from ._parameters import ParameterDerivative
 from ._rows import Rows, Switch
+from ._scene import Scene
 from ._sources import restored
-
-if TYPE_CHECKING:
-    from ._scene import Scene
 
 
 class Result(Rows):
@@ -163,8 +162,6 @@ class Result(Rows):
         Args:
             path: ends in ``.html``.
         """
-        from ._io import complete, extension_of
-
         name, _ = extension_of(path, (".html",))
         page = self._page()
         with complete(name) as written, open(written, "w", encoding="utf-8") as file:
@@ -266,8 +263,3 @@ def _seconds(s: float) -> str:
         if s >= scale:
             return f"{s / scale:.3g} {unit}"
     return f"{s / 1e-6:.3g} us"
-
-
-def require(held: bool, argument: str, message: str) -> None:
-    if not held:
-        raise Error(f"{argument}: {message}", argument)

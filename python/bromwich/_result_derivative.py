@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ._arrays import on_host
+from ._recorded import Recorded
 from ._sources import source
-
-if TYPE_CHECKING:
-    from ._result import Result
 
 
 class Tangent(NamedTuple):
@@ -41,7 +39,7 @@ class ResultDerivative:
 
     _core: Any  # the compiled part
 
-    def __init__(self, core: Any, result: Result) -> None:
+    def __init__(self, core: Any, result: Recorded) -> None:
         self._core, self._result = core, result
 
     @property

@@ -11,13 +11,14 @@ import numpy as np
 
 from ._arrays import on_host
 from ._errors import Error
+from ._io import attributes, save
 from ._measures import integral, largest, span_of
+from ._plot import plot
+from ._scene import Scene
 
 if TYPE_CHECKING:
     import xarray
     from matplotlib.axes import Axes
-
-    from ._scene import Scene
 
 
 class Status(str, enum.Enum):
@@ -157,8 +158,6 @@ class Rows:
         Returns:
             The axes; an array of two, of x and of y, where both are drawn.
         """
-        from ._plot import plot
-
         return plot(self, what, components, ax)
 
     def to_xarray(self) -> xarray.Dataset:
@@ -193,8 +192,6 @@ class Rows:
         Raises:
             Error: for another extension, or without h5py.
         """
-        from ._io import save
-
         save(self, path)
 
     def mean(self, name: str, start: float | None = None, end: float | None = None) -> float:
@@ -242,8 +239,6 @@ class Rows:
         return 0.0, self.scene.T
 
     def _attributes(self) -> dict[str, Any]:
-        from ._io import attributes
-
         return attributes(self)
 
     def _estimate(self) -> str:

@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 
 from . import _core, _hdf5
-from ._errors import Error
+from ._errors import Error, require
 from ._io import HDF5, extension_of
-from ._result import Result, require
+from ._result import Result
 from ._rows import Switch
 
 READ = (*HDF5, ".npz", ".csv", ".vtkhdf")

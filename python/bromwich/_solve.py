@@ -6,7 +6,7 @@ import operator
 import os
 import warnings
 from collections.abc import Callable, Iterable
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 from . import _core
 from ._arrays import filled, listed, number, whole_number, word
@@ -39,7 +39,10 @@ NUMBERS: dict[str, tuple[str, Callable[[Any, str], float]]] = {
 OPTIONS = frozenset({"method", "states", "event_location", "confirm", *NUMBERS})
 
 Check = bool | Literal["warn"]
-Method = Literal["auto", "march", "contour", "multigrid", "dual", "euler", "events", "galerkin", "goal", "contour-literal"]
+Method = Literal[
+    "auto", "march", "contour", "multigrid", "dual", "euler", "events", "shooting", "galerkin", "goal", "contour-literal"
+]
+METHODS: tuple[str, ...] = get_args(Method)
 Backend = Literal["auto", "cpu", "cuda"]
 Progress = Callable[[int, int, float], object]
 
@@ -252,9 +255,9 @@ def _options(
     word(method, "method")
     try:
         o.method = method
-    except Error as error:  # "method: found 'mach'; use one of auto, march"
-        found, words = str(error).split("; use one of ")
-        raise Error(f"{found}{suggestion(method, words.split(', '))}; use one of {words}", "method") from None
+    except Error:
+        near = suggestion(method, METHODS)
+        raise Error(f"method: found {method!r}{near}; use one of {', '.join(METHODS)}", "method") from None
     o.trace = True
     o.event_location = bool(event_location)
     o.confirm = bool(confirm)
