@@ -81,7 +81,24 @@ END
 plain() { sed -e "s/'/’/g; s/\[/(/g; s/\]/)/g; s/:/;/g" <<<"$1"; }
 
 write_zsh() {
-  printf '#compdef bromwich\n# Completion of bromwich for zsh; made by app/command_pages.sh.\n_bromwich() {\n  local -a commands\n  commands=(\n'
+  cat <<'END'
+#compdef bromwich
+# Completion of bromwich for zsh; made by app/command_pages.sh.
+# Names of the parameters of the scene on the line; those of a file with T and steps.
+_bromwich_parameters() {
+  local word scene=
+  local -a names
+  for word in $words[2,CURRENT-1]; do
+    if [[ $word != -* && $word != *=* && -z $scene ]]; then scene=$word; fi
+  done
+  names=(${(f)"$(bromwich scenes "$scene" 2>/dev/null | grep -o '^[A-Za-z_][A-Za-z0-9_]*=' | tr -d =)"})
+  [[ $scene != *.toml ]] || names+=(T steps)
+  compadd -S = -- $names
+}
+_bromwich() {
+  local -a commands
+  commands=(
+END
   while IFS=$'\t' read -r command text; do printf "    '%s:%s'\n" "$command" "$(plain "$text")"; done <<<"$commands"
   printf '  )\n  if ((CURRENT == 2)); then\n    _describe command commands\n    _arguments'
   while IFS=$'\037' read -r name _ text _; do printf " '%s[%s]'" "$name" "$(plain "$text")"; done < <(options '')
@@ -89,8 +106,16 @@ write_zsh() {
   while IFS=$'\t' read -r command _; do
     printf '    %s)\n      _arguments' "$command"
     while IFS=$'\037' read -r name argument text values; do
+      local action=' '
+      if [[ $name == --set ]]; then
+        name="*$name" action=' _bromwich_parameters'
+      elif [[ -n $values ]]; then
+        action="($values)"
+      elif [[ $argument == *FILE* ]]; then
+        action=_files
+      fi
       printf " \\\\\n        '%s[%s]" "$name" "$(plain "$text")"
-      [[ -z $argument ]] || printf ':%s:%s' "$argument" "$([[ -n $values ]] && printf '(%s)' "$values" || { [[ $argument == *FILE* ]] && printf _files || printf ' '; })"
+      [[ -z $argument ]] || printf ':%s:%s' "$argument" "$action"
       printf "'"
     done < <(options "$command")
     [[ $command != bench ]] || printf " \\\\\n        '1:benchmark:(%s)'" "$benchmarks"

@@ -38,7 +38,15 @@ def in_manual(path):
 
 def in_zsh(text, command):
     own = text.split(f"\n    {command})\n")[1].split(";;\n")[0]
-    return set(re.findall(r"^\s+'(-[\w-]+)\[", own, re.M))
+    return set(re.findall(r"^\s+'\*?(-[\w-]+)\[", own, re.M))
+
+
+def parameters_in_zsh(script, words, folder):
+    """What the completion of --set offers in zsh, its compadd replaced by a function that prints."""
+    given = " ".join(f"'{word}'" for word in words)
+    program = (f"PATH='{folder}':$PATH; compadd() {{ shift 3; print -l -- $@ }}; words=({given}); CURRENT=$#words; "
+               f"source <(sed '$d' '{script}'); _bromwich_parameters")
+    return set(output("zsh", "-f", "-c", program).split())
 
 
 def differences(what, expected, found):
@@ -68,12 +76,17 @@ def faults(bromwich, pages):
     folder = str(Path(bromwich).resolve().parent)
     given = completed(script, ["bromwich", "solve", "signorini", "--set", ""], folder)
     yield from differences("bash, --set", {"Q=", "c=", "T="}, given)
+    if sets := [command for command in commands if re.search(r"^  --set ", output(bromwich, command, "--help"), re.M)]:
+        taking = {command for command in sets if ":key=value: _bromwich_parameters'" in zsh.split(f"\n    {command})\n")[1].split(";;\n")[0]}
+        yield from differences("zsh, commands whose --set is completed", set(sets), taking)
     methods = re.search(r"--method NAME\s+(.*?); default", output(bromwich, "solve", "--help"))[1].split(", ")
     yield from differences("bash, --method", set(methods), completed(script, ["bromwich", "solve", "--method", ""]))
     if shutil.which("zsh"):
         done = subprocess.run(["zsh", "-n", pages / "zsh" / "_bromwich"], text=True, stderr=subprocess.PIPE)
         if done.returncode or done.stderr:
             yield f"zsh: {done.stderr}"
+        given = parameters_in_zsh(pages / "zsh" / "_bromwich", ["solve", "signorini", "--set", ""], folder)
+        yield from differences("zsh, --set", {"Q", "c", "T"}, given)
     if shutil.which("man"):
         for name in manuals:
             done = subprocess.run(["man", "--warnings", "-l", pages / "man1" / name], text=True, stdout=subprocess.DEVNULL,
