@@ -1,0 +1,28 @@
+#pragma once
+// The time axis of a certificate: the steps of a result divided into parts whose lengths are those of a dyadic tree,
+// d 2^-k, so that they share exponentials and factors. No part holds a breakpoint of a source, and behind each of them
+// parts begin short and double.
+
+#include "../scene/source_steps.hpp"
+
+#include <array>
+#include <vector>
+
+namespace bromwich {
+
+struct Part {
+  Index step = 0;             ///< of the result, from row step - 1 to row step
+  double begin = 0, end = 0;  ///< within the step, 0 .. 1
+  double length = 0;          ///< in time
+  double from = 0, to = 0;    ///< where sources are looked at; both ends lie on one side of every breakpoint
+  bool behind_jump = false;   ///< begins at a breakpoint, or at t = 0
+};
+
+/// The two halves of a part; of one behind a jump, the first one is.
+std::array<Part, 2> halves(const Part&);
+
+/// Increasing in time. `t`: rows of the result with equal steps; `breakpoints`: increasing; each step has `division`
+/// parts or more.
+std::vector<Part> divide(const Vector& t, const std::vector<double>& breakpoints, Index division);
+
+}  // namespace bromwich
