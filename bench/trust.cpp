@@ -3,18 +3,21 @@
 //
 //     bromwich_trust [--count 300] [--first-seed 0] [--seed K] [--method auto] [--tol 1e-3] [--steps J]
 //                    [--seconds 3] [--list all|wrong|refused|none] [--out FILE.json] [--rows all|bad]
-//                    [--jobs 1] [--until SECONDS] [--undecided solve|skip] [--states M]
+//                    [--jobs 1] [--until SECONDS] [--undecided solve|skip] [--states M] [--certificate no|yes]
 //
 // Counts scenes solved correctly, solved wrong (an error above three times the tolerance), refused although a change of
 // the data by 1e-10 moves the solution by less than a tenth of the tolerance, and refused otherwise. Scenes that the
 // oracle cannot decide are counted separately. --seed K: one scene in detail. --steps J: fixed steps instead of a
 // tolerance, with --tol for the judgement. --jobs K: K scenes at a time. --until S: no scene is begun after S seconds;
 // the seeds that were judged are the first ones. --undecided skip: scenes that the oracle cannot decide are not solved.
+// --certificate yes: the estimate is that of core/certificate, and is compared with the true errors of x and y.
 // --states M: each scene among M sparse states (M > 512 stays sparse). The exit code is 1 if a result is wrong.
 
 #include "tests/support/trust.hpp"
 #include "core/base/error.hpp"
 #include "core/build_info.hpp"
+#include "core/certificate/certificate.hpp"
+#include "core/scene/breakpoints.hpp"
 #include "cpu/cpu_backend.hpp"
 
 #include <Eigen/Dense>
@@ -45,7 +48,7 @@ using nlohmann::ordered_json;
 
 struct Arguments {
   std::uint32_t count = 300, first_seed = 0;
-  bool one = false, skip_undecided = false;
+  bool one = false, skip_undecided = false, certifies = false;
   Method method = Method::automatic;
   double tolerance = 1e-3, seconds = 3, until = INFINITY;
   Index steps = 0, states = 0;
@@ -83,6 +86,8 @@ Arguments parse(int argc, char** argv) {
       a.jobs = std::max(1, std::stoi(value));
     else if (name == "--states")
       a.states = std::stol(value);
+    else if (name == "--certificate")
+      a.certifies = value == "yes";
     else if (name == "--undecided")
       a.skip_undecided = value == "skip";
     else if (name == "--until")
@@ -123,6 +128,8 @@ struct Outcome {
   oracle::Apart moved{NAN, NAN, NAN};
   std::optional<ErrorEstimate> errors = {};
   double estimate = NAN, seconds = 0, oracle_seconds = 0;
+  double estimate_x = NAN, estimate_y = NAN;  ///< of the certificate
+  bool y_counts = true;                       ///< y is unique
   Index steps = 0;
   long events = 0, jumps = 0;
 };
@@ -163,6 +170,15 @@ void print_scene(const oracle::SourceScene& s) {
   print_sources(d.T);
 }
 
+void certify(const Scene& scene, const Result& r, bool y_unique, Outcome& o) {
+  const auto c = bromwich::certify(scene, r, find_breakpoints(scene), r.x);
+  if (!c) return;
+  o.estimate_x = c->error_of_x;
+  o.estimate_y = o.error.of_mean ? c->error_of_mean : c->error_of_y;
+  o.y_counts = y_unique;
+  o.estimate = y_unique ? std::max(o.estimate_x, o.estimate_y) : o.estimate_x;
+}
+
 Outcome run(std::uint32_t seed, Backend& backend, const Arguments& a) {
   const oracle::SourceScene s = oracle::source_scene(seed);
   if (a.one) print_scene(s);
@@ -195,6 +211,7 @@ Outcome run(std::uint32_t seed, Backend& backend, const Arguments& a) {
     const bool same_y = truth.y_unique && (truth.jumps == 0 || (r.errors && r.errors->of_integral));
     o.estimate = same_y || !r.errors ? r.error_estimate.value_or(NAN) : r.errors->states;
     if (r.status == Status::solved && truth.decided) o.error = oracle::true_error(s, truth, r);
+    if (a.certifies && r.status == Status::solved && truth.decided) certify(s.scene, r, truth.y_unique, o);
   } catch (const std::exception& error) {
     o.status = "error";
     o.reason = error.what();
@@ -262,9 +279,29 @@ ordered_json as_json(const Outcome& o) {
           {"jumps", o.jumps}};
 }
 
+/// Estimates of certificates beside true errors. An error is that of x, or of y where y is unique and that is larger.
+struct OfCertificates {
+  static constexpr double off = 0.05, right = 0.01;
+  static constexpr double seen = 0.5;       ///< of an error: at least so much is estimated
+  static constexpr double compared = 1e-5;  ///< smaller errors are those of the times to which breakpoints are moved
+  long above = 0, above_unseen = 0, below = 0, below_doubted = 0;
+  std::vector<double> ratios_x, ratios_y;  ///< estimate / error
+
+  void add(const Outcome& o) {
+    const double error = o.y_counts ? o.error.largest() : o.error.x;
+    above += error > off;
+    above_unseen += error > off && o.estimate < seen * off;
+    below += error <= right;
+    below_doubted += error <= right && o.estimate > off;
+    if (o.error.x > compared) ratios_x.push_back(o.estimate_x / o.error.x);
+    if (o.y_counts && o.error.y > compared) ratios_y.push_back(o.estimate_y / o.error.y);
+  }
+};
+
 struct Summary {
   std::map<std::string, long> verdicts, told, not_told, reasons, undecided;
   std::vector<double> effectivity;
+  OfCertificates certificates;
   double seconds = 0, oracle_seconds = 0;
   long right_with_warning = 0;
 };
@@ -281,9 +318,11 @@ Summary summarise(const std::vector<Outcome>& all, double tolerance) {
     if (o.status == "solved" && o.verdict != "undecided" && !std::isnan(o.estimate) &&
         o.error.largest() > 1e-6 * tolerance)
       s.effectivity.push_back(o.estimate / o.error.largest());
+    if (!std::isnan(o.estimate_x)) s.certificates.add(o);
     s.seconds += o.seconds, s.oracle_seconds += o.oracle_seconds;
   }
-  std::sort(s.effectivity.begin(), s.effectivity.end());
+  for (std::vector<double>* ratios : {&s.effectivity, &s.certificates.ratios_x, &s.certificates.ratios_y})
+    std::sort(ratios->begin(), ratios->end());
   return s;
 }
 
@@ -320,6 +359,21 @@ void print(const Summary& s, std::size_t count) {
   histogram("undecided by the oracle:", s.undecided);
 }
 
+ordered_json as_json(const OfCertificates& c) {
+  return {{"off", c.off},
+          {"above", c.above},
+          {"above_unseen", c.above_unseen},
+          {"right", c.right},
+          {"below", c.below},
+          {"below_doubted", c.below_doubted},
+          {"x_compared", c.ratios_x.size()},
+          {"x_in_0.3_to_3", within(c.ratios_x)},
+          {"x_median", quantile(c.ratios_x, 0.5)},
+          {"y_compared", c.ratios_y.size()},
+          {"y_in_0.3_to_3", within(c.ratios_y)},
+          {"y_median", quantile(c.ratios_y, 0.5)}};
+}
+
 void write(const Arguments& a, const std::vector<Outcome>& all, const Summary& s) {
   ordered_json rows = ordered_json::array();
   for (const Outcome& o : all)
@@ -328,24 +382,25 @@ void write(const Arguments& a, const std::vector<Outcome>& all, const Summary& s
   for (const auto& [name, q] :
        {std::pair{"2.5 %", 0.025}, {"25 %", .25}, {"50 %", .5}, {"75 %", .75}, {"97.5 %", 0.975}})
     quantiles[name] = quantile(s.effectivity, q);
-  const ordered_json json{{"commit", build_info::commit},
-                          {"compiler", build_info::compiler},
-                          {"jobs", a.jobs},
-                          {"first_seed", a.first_seed},
-                          {"count", all.size()},
-                          {"method", to_string(a.method)},
-                          {"tolerance", a.tolerance},
-                          {"seconds", a.seconds},
-                          {"steps", a.steps},
-                          {"right_with_warning", s.right_with_warning},
-                          {"verdicts", s.verdicts},
-                          {"told", s.told},
-                          {"not_told", s.not_told},
-                          {"refused", s.reasons},
-                          {"undecided", s.undecided},
-                          {"effectivity", quantiles},
-                          {"effectivity_in_0.3_to_3", within(s.effectivity)},
-                          {"scenes", rows}};
+  ordered_json json{{"commit", build_info::commit},
+                    {"compiler", build_info::compiler},
+                    {"jobs", a.jobs},
+                    {"first_seed", a.first_seed},
+                    {"count", all.size()},
+                    {"method", to_string(a.method)},
+                    {"tolerance", a.tolerance},
+                    {"seconds", a.seconds},
+                    {"steps", a.steps},
+                    {"right_with_warning", s.right_with_warning},
+                    {"verdicts", s.verdicts},
+                    {"told", s.told},
+                    {"not_told", s.not_told},
+                    {"refused", s.reasons},
+                    {"undecided", s.undecided},
+                    {"effectivity", quantiles},
+                    {"effectivity_in_0.3_to_3", within(s.effectivity)},
+                    {"scenes", rows}};
+  if (a.certifies) json["certificates"] = as_json(s.certificates);
   std::ofstream file(a.out);
   file << json.dump(1) << '\n';
   if (!file.flush()) throw std::runtime_error("--out: could not write " + a.out);

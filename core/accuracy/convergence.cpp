@@ -26,11 +26,10 @@ double order_of(const Result& result) {
 constexpr double smallest_size = 1e-3;  ///< of the largest component, that a component is measured against
 
 Vector sizes(const RowMatrix& values, Index first, const Vector& one, const Vector& seen, const ComponentSizes& how) {
-  const Vector users = one.size() == values.cols() ? one : Vector::Ones(values.cols());
-  if (!how.relative || values.cols() == 0) return users;
-  Vector s = values.bottomRows(values.rows() - first).cwiseAbs().colwise().maxCoeff().transpose();
-  if (seen.size() == s.size()) s = s.cwiseMax(seen);
-  return s.cwiseMax(std::max(smallest_size * s.maxCoeff(), how.zero)) + how.absolute * users;
+  if (values.cols() == 0) return {};
+  Vector largest = values.bottomRows(values.rows() - first).cwiseAbs().colwise().maxCoeff().transpose();
+  if (seen.size() == largest.size()) largest = largest.cwiseMax(seen);
+  return how.of(largest, one);
 }
 
 // A component each.
@@ -62,6 +61,11 @@ RowMatrix mean(const Result& result) { return integral_of_y(result) / result.t[r
 
 }  // namespace
 
+Vector ComponentSizes::of(const Vector& largest, const Vector& one) const {
+  const Vector users = one.size() == largest.size() ? one : Vector::Ones(largest.size());
+  if (!relative || largest.size() == 0) return users;
+  return largest.cwiseMax(std::max(smallest_size * largest.maxCoeff(), zero)) + absolute * users;
+}
 Vector ComponentSizes::of_y(const Result& r) const { return sizes(r.y, 1, one_y, seen_y, *this); }
 Vector ComponentSizes::of_mean(const Result& r) const { return sizes(mean(r), 1, one_y, {}, *this); }
 Vector ComponentSizes::of_x(const Result& r) const { return sizes(r.x, 0, one_x, seen_x, *this); }

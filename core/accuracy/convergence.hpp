@@ -33,6 +33,8 @@ struct ComponentSizes {
   double zero = 0;       ///< smaller values are rounding: that of terms of size 1, over the relative tolerance
   bool relative = true;  ///< false: 1 in the user's units alone, for all
 
+  /// s_i of components with these largest values; `one`: what 1 in the user's units is for them, empty = 1.
+  Vector of(const Vector& largest, const Vector& one = {}) const;
   Vector of_y(const Result&) const;
   Vector of_mean(const Result&) const;
   Vector of_x(const Result&) const;

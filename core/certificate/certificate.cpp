@@ -4,19 +4,20 @@
 #include "core/certificate/part_sources.hpp"
 #include "core/certificate/part_weights.hpp"
 #include "core/dynamics/dense.hpp"
+#include "core/events/event_driven.hpp"
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace bromwich {
 
 namespace {
 
-constexpr Index most_states = 64, most_constraints = 48;  ///< those of method events
 constexpr Index division = 3;          ///< parts of a step: odd, since nested grids may miss the same contact
 constexpr int most_halvings = 6;       ///< of a part, for sources
 constexpr double sign_of_zero = 1e-9;  ///< of the largest value: smaller ones have no sign
-constexpr double no_error = 1e-8;      ///< in natural units: errors below count as none
+constexpr double no_size = 1e-8;       ///< of what terms could make of a component: smaller values are their rounding
 
 // y of a result, linear on each step: its value at the right end and its mean.
 class LinearSteps {
@@ -58,7 +59,7 @@ class Certifier {
     const RowMatrix largest = states_.size() > 0 ? states_ : RowMatrix(scene.x0.transpose());
     off_.x = off_.sum_of_x = Vector::Zero(scene.states());
     off_.size_of_x = largest.cwiseAbs().colwise().maxCoeff().transpose();
-    off_.y = off_.mean = Vector::Zero(n_);
+    off_.y = off_.mean = off_.defect = off_.sum_of_defect = defect_at_ = answers_ = Vector::Zero(n_);
     effect_.resize(scene.states() + n_, n_);
     effect_ << d_.B, M_;
     off_.effect = off_.size_of_effect = Vector::Zero(effect_.rows());
@@ -70,7 +71,7 @@ class Certifier {
         c_.until = p.from / scene_.T;
         break;
       }
-    if (c_.until == 1) end_step();
+    if (ended_ > 0) end_step(last_);
     summarise();
     return c_;
   }
@@ -86,17 +87,16 @@ class Certifier {
     Vector Y(2 * n_);
     for (std::size_t i = 0; i < 2; ++i)
       Y.segment(Index(i) * n_, n_) = y_.at(p.step, p.begin + part_nodes[i] * (p.end - p.begin));
-    c_.mean_defect += p.length / scene_.T * look_inside(p, w, s, Y);
+    look_inside(p, w, s, Y);
     bool kept = true;
     if (!(p.behind_jump ? jump(w, s, Y) : correct(w, s, Y, kept))) return false;
     if (!kept) c_.share_of_sets += p.length / scene_.T;
-    if (step_ != p.step && step_ > 0) {
-      first_ = 1.5 * Y.head(n_) - 0.5 * Y.tail(n_);
-      end_step();
-    }
-    step_ = p.step;
+    // An impulse is no limit of y: the part behind it has that.
+    if (ended_ > 0 && !p.behind_jump) end_step(1.5 * Y.head(n_) - 0.5 * Y.tail(n_));
     integral_ += p.length * (0.75 * Y.head(n_) + 0.25 * Y.tail(n_));
-    last_ = first_ = Y.tail(n_);
+    if (p.end < 1) return true;
+    ended_ = p.step;
+    last_ = Y.tail(n_);
     at_end_ = x_;
     integral_at_end_ = integral_;
     given_at_end_ = given_;
@@ -115,7 +115,7 @@ class Certifier {
   }
 
   // The given y: its state, and the defect of complementarity at the nodes.
-  double look_inside(const Part& p, const PartWeights& w, const PartSources& s, const Vector& Y) {
+  void look_inside(const Part& p, const PartWeights& w, const PartSources& s, const Vector& Y) {
     std::array<Vector, 2> next;
     const Vector q = free(w, s, given_, next), slack = q + w.slack * Y;
     for (std::size_t i = 0; i < 2; ++i) {
@@ -124,17 +124,15 @@ class Certifier {
                                d_.N.cwiseAbs() * next[i].cwiseAbs() + s.g[i].cwiseAbs());
     }
     given_ = next[1];
-    double largest = 0;
+    answers_ = answers_.cwiseMax(w.slack.diagonal().tail(n_));
     for (Index i = 0; i < 2 * n_; ++i) {
-      const double size = terms_[i % n_];
-      const double off = size > 0 ? std::abs(std::min(slack[i], w.slack(i, i) * Y[i])) / size : 0;
-      largest = std::max(largest, off);
-      if (!(off > c_.largest_defect)) continue;
-      c_.largest_defect = off;
-      c_.defect_at = (p.from + part_nodes[std::size_t(i / n_)] * (p.to - p.from)) / scene_.T;
-      c_.defect_row = i % n_;
+      const Index row = i % n_;
+      const double off = std::abs(std::min(slack[i], w.slack(i, i) * Y[i]));
+      off_.sum_of_defect[row] += (i < n_ ? 0.75 : 0.25) * p.length / scene_.T * off;
+      if (!(off > off_.defect[row])) continue;
+      off_.defect[row] = off;
+      defect_at_[row] = (p.from + part_nodes[std::size_t(i / n_)] * (p.to - p.from)) / scene_.T;
     }
-    return largest;
   }
 
   // The brief part behind a jump: y is constant, since Radau's two values of an impulse are of no sign.
@@ -190,15 +188,15 @@ class Certifier {
     return true;
   }
 
-  // Row j, which may have the limit of y from either side.
-  void end_step() {
-    const Index j = step_;
+  // Row j, at the end of the last step. It may have the limit of y from either side; `first` is the one behind it.
+  void end_step(const Vector& first) {
+    const Index j = std::exchange(ended_, 0);
     const auto apart = [&](const Vector& a, const Vector& b, const Vector& row) {
       return Vector((a.cwiseMin(b) - row).cwiseMax(row - a.cwiseMax(b)).cwiseMax(0));
     };
     const Vector y = r_.y.row(j).transpose();
-    off_.y = off_.y.cwiseMax(apart(last_, first_, y));
-    off_.effect = off_.effect.cwiseMax(apart(effect_ * last_, effect_ * first_, effect_ * y));
+    off_.y = off_.y.cwiseMax(apart(last_, first, y));
+    off_.effect = off_.effect.cwiseMax(apart(effect_ * last_, effect_ * first, effect_ * y));
     off_.size_of_effect = off_.size_of_effect.cwiseMax((effect_ * y).cwiseAbs());
     off_.mean = off_.mean.cwiseMax((integral_at_end_ - y_.integral().row(j).transpose()).cwiseAbs() / scene_.T);
     const Vector x = states_.size() > 0 ? Vector(states_.row(j).transpose()) : given_at_end_;
@@ -209,15 +207,21 @@ class Certifier {
   }
 
   void summarise() {
-    const auto share = [](const Vector& off, const Vector& largest) {
-      return largest_share(off, Vector((largest.cwiseMax(1e-3 * largest.maxCoeff())).array() + no_error));
-    };
-    ComponentSizes sizes;
-    sizes.absolute = no_error;
-    c_.error_of_x = share(off_.x, off_.size_of_x);
-    c_.typical_error_of_x = share(off_.sum_of_x / double(r_.steps), off_.size_of_x);
-    c_.error_of_y = std::min(largest_share(off_.y, sizes.of_y(r_)), share(off_.effect, off_.size_of_effect));
-    c_.error_of_mean = largest_share(off_.mean, sizes.of_mean(r_));
+    const ComponentSizes sizes;
+    const Index m = scene_.states();
+    const Vector least_x = no_size * scene_.T * off_.size_of_effect.head(m),
+                 least_y = (answers_.array() > 0).select(no_size * terms_.cwiseQuotient(answers_), 0.0);
+    const Vector size_of_x = sizes.of(off_.size_of_x).cwiseMax(least_x),
+                 size_of_effect = sizes.of(off_.size_of_effect).cwiseMax(effect_.cwiseAbs() * least_y);
+    c_.error_of_x = largest_share(off_.x, size_of_x);
+    c_.typical_error_of_x = largest_share(off_.sum_of_x / double(r_.steps), size_of_x);
+    c_.error_of_y =
+        std::min(largest_share(off_.y, sizes.of_y(r_).cwiseMax(least_y)), largest_share(off_.effect, size_of_effect));
+    c_.error_of_mean = largest_share(off_.mean, sizes.of_mean(r_).cwiseMax(least_y));
+    const Vector size_of_w = terms_.cwiseMax(1e-290);
+    c_.mean_defect = off_.sum_of_defect.cwiseQuotient(size_of_w).maxCoeff();
+    c_.largest_defect = off_.defect.cwiseQuotient(size_of_w).maxCoeff(&c_.defect_row);
+    c_.defect_at = defect_at_[c_.defect_row];
   }
 
   const Scene& scene_;
@@ -234,12 +238,13 @@ class Certifier {
   const Vector largest_y_;  ///< of the result
   Vector given_, x_;        ///< states of the given y and of the corrected one
   Vector integral_;         ///< of the corrected y
-  Vector first_, last_;     ///< of y, on both sides of the last end of a step
-  Vector at_end_, given_at_end_, integral_at_end_;
-  Index step_ = 0;
+  Index ended_ = 0;         ///< the step that has ended, and is not compared yet; 0: none
+  Vector last_, at_end_, given_at_end_, integral_at_end_;  ///< y, both states and the integral of y there
+  Vector defect_at_;
+  Vector answers_;  ///< largest change of w_i by y_i within a part
   std::vector<Index> held_;
   struct {
-    Vector x, sum_of_x, size_of_x, y, mean, effect, size_of_effect;
+    Vector x, sum_of_x, size_of_x, y, mean, effect, size_of_effect, defect, sum_of_defect;
   } off_;
   Certificate c_;
 };
@@ -248,10 +253,7 @@ class Certifier {
 
 std::optional<Certificate> certify(const Scene& scene, const Result& result, const std::vector<double>& breakpoints,
                                    const RowMatrix& states) {
-  if (!scene.dynamics->small_state() || scene.dynamics->has_mass() || scene.boundary || !scene.free_rows.empty())
-    return std::nullopt;
-  if (scene.states() > most_states || scene.constraints() > most_constraints || scene.constraints() == 0)
-    return std::nullopt;
+  if (!unsuited_to_events(scene).empty() || scene.constraints() == 0) return std::nullopt;
   if (result.steps < 1 || result.y.rows() != result.steps + 1 || !result.y.bottomRows(result.steps).allFinite())
     return std::nullopt;
   if (states.size() > 0 && (states.rows() != result.steps + 1 || states.cols() != scene.states())) return std::nullopt;

@@ -7,9 +7,8 @@ namespace bromwich {
 
 namespace {
 
-constexpr int octaves = 16;
-constexpr Index units = Index(1) << octaves;  ///< of the longest part: breakpoints are moved to these
-constexpr double same_time = 1e-12;           ///< of T
+constexpr Index units = Index(1) << 16;  ///< of the longest part: breakpoints are moved to these
+constexpr double same_time = 1e-12;      ///< of T
 
 // A breakpoint inside a step or at its left end: in units from there, and its own time.
 struct Mark {

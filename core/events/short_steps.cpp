@@ -96,9 +96,14 @@ ShortSteps::Step ShortSteps::take(double t, double h, const Vector& x, const Vec
   const Vector terms = problem.cwiseAbs() * step.y + q.cwiseAbs();
   for (Index i = 0; i < q.size(); ++i)
     if (step.y[i] > 0 || lcp.slack()[i] <= zero_share * terms[i]) step.zero_w.push_back(i);
-  const Equilibration e = equilibrate(problem);
-  step.basis = lemke(e.rows.asDiagonal() * problem * e.columns.asDiagonal(), e.rows.cwiseProduct(q)).basis;
+  step.problem = problem;
+  step.q = q;
   return step;
+}
+
+std::vector<Index> ShortSteps::Step::basis() const {
+  const Equilibration e = equilibrate(problem);
+  return lemke(e.rows.asDiagonal() * problem * e.columns.asDiagonal(), e.rows.cwiseProduct(q)).basis;
 }
 
 }  // namespace bromwich

@@ -26,7 +26,10 @@ class ShortSteps {
     bool solved = false;
     Vector y, x;
     std::vector<Index> zero_w;  ///< w_i = 0, whether y_i is positive or not
-    std::vector<Index> basis;   ///< of Lemke's method, where y_i = w_i = 0 too; empty if it ends on a ray
+    Matrix problem;             ///< of the step, with q
+    Vector q;
+    /// Of Lemke's method, where y_i = w_i = 0 too; empty if it ends on a ray.
+    std::vector<Index> basis() const;
   };
   /// From x at t to t + h. `offset` is subtracted from g.
   Step take(double t, double h, const Vector& x, const Vector& offset) const;

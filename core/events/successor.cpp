@@ -151,7 +151,8 @@ Successor::Entry Successor::attempt_proposed(double h, const Vector& offset, Eve
     p.work += m * m * m + n * n * n;
     if (!proposed.solved || !proposed.y.allFinite()) continue;
     // Where w_i and y_i vanish, w_i = 0 may be what determines another y.
-    for (const std::vector<Index>& set : {support(proposed.y), proposed.basis, proposed.zero_w}) {
+    for (int k = 0; k < 3; ++k) {
+      const std::vector<Index> set = k == 0 ? support(proposed.y) : k == 1 ? proposed.basis() : proposed.zero_w;
       if (!tried_.insert(set).second) continue;
       const Entry entry = attempt(set, 0.5 * share * h, p);
       if (found_ || entry == Entry::jumped) return entry;

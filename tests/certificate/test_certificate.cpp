@@ -41,6 +41,29 @@ TEST(CertificateOfY, EstimatesTheErrorOfGivenSteps) {
   EXPECT_GE(near, 0.85 * compared);
 }
 
+// Numbers without units: x, y and t in others give the same ones.
+TEST(CertificateOfY, IsThatOfAnyUnits) {
+  Certificate first;
+  for (const double unit : {1.0, 1e-12, 1e9}) {
+    Scene scene;
+    scene.T = 1 / unit;
+    scene.dynamics = DenseDynamics{Matrix{{-unit}}, Matrix{{unit * unit}}, Matrix{{1}}};
+    scene.M = Matrix{{unit}};
+    scene.g = [unit](double t, Eigen::Ref<Vector> v) { v[0] = unit * (std::sin(7 * t * unit) - 0.2); };
+    scene.x0 = Vector::Constant(1, 0.3 * unit);
+    const Result r = march(scene, 20);
+    ASSERT_EQ(r.status, Status::solved) << r.reason;
+    const auto c = certify(scene, r, {}, r.x);
+    ASSERT_TRUE(c);
+    if (unit == 1) first = *c;
+    EXPECT_GT(c->error_of_x, 1e-5);
+    EXPECT_NEAR(c->error_of_x / first.error_of_x, 1, 1e-6) << unit;
+    EXPECT_NEAR(c->error_of_y / first.error_of_y, 1, 1e-6) << unit;
+    EXPECT_NEAR(c->error_of_mean / first.error_of_mean, 1, 1e-6) << unit;
+    EXPECT_NEAR(c->mean_defect / first.mean_defect, 1, 1e-6) << unit;
+  }
+}
+
 // x' = -x + y + 1, w = x + y - 2 from x = 0: y = 2 - x, so x' = 3 - 2x, x = (3 - 3 e^{-2t})/2 up to ln(3)/2, where x =
 // 1 and y = 1; both go on. Without y, w is -2 where s = 2 and the state is 1 - e^{-t}.
 TEST(CertificateOfY, SeesAYThatIsNoSolution) {
