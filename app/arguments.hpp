@@ -3,7 +3,7 @@
 // remedy; nothing is corrected silently.
 
 #include "app/commands.hpp"
-#include "core/catalogue/catalogue.hpp"
+#include "catalogue/catalogue.hpp"
 #include "core/solve/solve.hpp"
 
 #include <optional>

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "core/batch/batch.hpp"
+#include "batch/batch.hpp"
 #include "core/solve/solve.hpp"
 
 #include <memory>

@@ -2,7 +2,7 @@
 // `bromwich solve FILE.toml` where the file has a section [sweep]: many scenes, one table.
 
 #include "app/commands.hpp"
-#include "core/catalogue/catalogue.hpp"
+#include "catalogue/catalogue.hpp"
 
 #include <optional>
 #include <string>

@@ -5,11 +5,11 @@
 // Levenberg and Marquardt's method (MINPACK, as Eigen has it). Bounds by the substitutions of MINUIT (James & Roos,
 // Comput. Phys. Commun. 10, 1975): p = a + (b - a)(1 + sin u)/2, or p = a - 1 + sqrt(u² + 1) with one bound.
 //
-// The Jacobian is a derivative with respect to parameters (core/derivatives/parameter_derivative.hpp), or by central
+// The Jacobian is a derivative with respect to parameters (derivatives/parameter_derivative.hpp), or by central
 // differences of solves where that is refused.
 
 #include "app/columns.hpp"
-#include "core/catalogue/catalogue.hpp"
+#include "catalogue/catalogue.hpp"
 #include "core/solve/solve.hpp"
 
 #include <functional>

@@ -3,7 +3,7 @@
 // largest value, and ripple, the largest less the least.
 
 #include "app/columns.hpp"
-#include "core/catalogue/catalogue.hpp"
+#include "catalogue/catalogue.hpp"
 
 #include <optional>
 #include <string>

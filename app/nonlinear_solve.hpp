@@ -4,8 +4,8 @@
 #include "app/commands.hpp"
 #include "app/output_json.hpp"
 #include "app/scene_choice.hpp"
-#include "core/nonlinear/nonlinear_output.hpp"
 #include "core/result/switching.hpp"
+#include "nonlinear/nonlinear_output.hpp"
 
 #include <vector>
 

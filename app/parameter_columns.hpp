@@ -3,7 +3,7 @@
 
 #include "app/columns.hpp"
 #include "app/scene_choice.hpp"
-#include "core/derivatives/parameter_derivative.hpp"
+#include "derivatives/parameter_derivative.hpp"
 
 #include <string>
 #include <vector>

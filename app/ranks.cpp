@@ -2,7 +2,7 @@
 
 #include "core/base/error.hpp"
 #include "core/build_info.hpp"
-#include "core/slabs/slab_backend.hpp"
+#include "ranks/slab_backend.hpp"
 
 #include <fmt/format.h>
 

@@ -2,7 +2,7 @@
 // Blocks of scenes of a sweep, and a folder of those that are solved: ranks deal out the blocks, and a run that was
 // ended goes on with the others.
 
-#include "core/batch/batch.hpp"
+#include "batch/batch.hpp"
 
 #include <filesystem>
 #include <string>

@@ -1,9 +1,9 @@
 #pragma once
 
+#include "catalogue/catalogue.hpp"
 #include "circuits/circuit.hpp"
-#include "core/catalogue/catalogue.hpp"
-#include "core/nonlinear/nonlinear_scene.hpp"
 #include "files/scene_file.hpp"
+#include "nonlinear/nonlinear_scene.hpp"
 
 #include <filesystem>
 #include <memory>

@@ -5,9 +5,9 @@
 #include "app/commands.hpp"
 #include "app/measures.hpp"
 #include "app/scene_blocks.hpp"
+#include "batch/batch.hpp"
+#include "catalogue/catalogue.hpp"
 #include "core/base/threads.hpp"
-#include "core/batch/batch.hpp"
-#include "core/catalogue/catalogue.hpp"
 #include "files/sweep.hpp"
 
 #include <string>

@@ -14,7 +14,7 @@
 
 #include "bench/micro.hpp"
 
-#include "core/catalogue/catalogue.hpp"
+#include "catalogue/catalogue.hpp"
 #include "core/kernel/compression.hpp"
 #include "core/kernel/kernel.hpp"
 #include "core/kernel/memory_length.hpp"

@@ -7,7 +7,7 @@
 
 #include "bench/micro.hpp"
 
-#include "core/catalogue/catalogue.hpp"
+#include "catalogue/catalogue.hpp"
 #include "core/kernel/compression.hpp"
 #include "core/kernel/discretise.hpp"
 #include "core/march/outcome.hpp"

@@ -11,7 +11,7 @@
 
 #include "bench/micro.hpp"
 
-#include "core/catalogue/catalogue.hpp"
+#include "catalogue/catalogue.hpp"
 #include "core/numerics/contour.hpp"
 #include "core/numerics/elimination.hpp"
 

@@ -1,7 +1,7 @@
 // A suspension bridge whose cables go slack: an undamped oscillator. Its spectrum is imaginary, so no contour exists;
 // the solver uses the matrix exponential and reports it.
 
-#include <bromwich/core/catalogue/catalogue.hpp>
+#include <bromwich/catalogue/catalogue.hpp>
 #include <bromwich/core/solve/solve.hpp>
 #include <bromwich/cpu/cpu_backend.hpp>
 

@@ -1,6 +1,6 @@
 // A Z-matrix scene with a known solution: second-order convergence of y, where implicit Euler has first order.
 
-#include <bromwich/core/catalogue/catalogue.hpp>
+#include <bromwich/catalogue/catalogue.hpp>
 #include <bromwich/core/solve/solve.hpp>
 #include <bromwich/cpu/cpu_backend.hpp>
 

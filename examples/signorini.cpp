@@ -1,6 +1,6 @@
 // The parabolic Signorini problem by the functional iteration and by marching: the same discrete solution, two ways.
 
-#include <bromwich/core/catalogue/catalogue.hpp>
+#include <bromwich/catalogue/catalogue.hpp>
 #include <bromwich/core/solve/solve.hpp>
 #include <bromwich/cpu/cpu_backend.hpp>
 

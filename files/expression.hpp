@@ -5,9 +5,9 @@
 // (right to left, -2^2 = -4), comparisons (1 or 0), && ||, and condition ? a : b. The decimal separator is a point in
 // every locale.
 
+#include "catalogue/catalogue.hpp"
 #include "core/base/time_function.hpp"
 #include "core/base/types.hpp"
-#include "core/catalogue/catalogue.hpp"
 #include "files/formula.hpp"
 #include "files/kept_values.hpp"
 #include "files/switch_times.hpp"

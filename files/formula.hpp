@@ -5,7 +5,7 @@
 //
 // Names and operators are those of files/expression.hpp. Operands that ?: && || do not select are not evaluated.
 
-#include "core/catalogue/catalogue.hpp"
+#include "catalogue/catalogue.hpp"
 #include "files/operation.hpp"
 
 #include <cstddef>

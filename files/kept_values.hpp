@@ -2,7 +2,7 @@
 // What the expressions of a file mean, and values that were made from them: for the next scene of the file a value is
 // made again only where something that it used has another meaning.
 
-#include "core/catalogue/catalogue.hpp"
+#include "catalogue/catalogue.hpp"
 #include "files/shorthand.hpp"
 
 #include <memory>

@@ -1,7 +1,7 @@
 #pragma once
 // The parser of muParser with the functions of expressions.
 
-#include "core/catalogue/catalogue.hpp"
+#include "catalogue/catalogue.hpp"
 
 #include <muParser.h>
 

@@ -1,8 +1,8 @@
 #pragma once
 // The section [nonlinear] of a scene file.
 
-#include "core/nonlinear/nonlinear_scene.hpp"
 #include "files/sections.hpp"
+#include "nonlinear/nonlinear_scene.hpp"
 
 #include <optional>
 

@@ -1,7 +1,7 @@
 #pragma once
 // Scenes in TOML files; docs/scene-files.md describes the format.
 
-#include "../core/catalogue/catalogue.hpp"
+#include "../catalogue/catalogue.hpp"
 #include "../core/dynamics/rectangle.hpp"
 #include "../core/goal/quantities.hpp"
 

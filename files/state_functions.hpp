@@ -1,8 +1,8 @@
 #pragma once
 // phi and gamma of a scene file: expressions of t, x and y as functions with exact derivatives.
 
-#include "core/nonlinear/nonlinear_scene.hpp"
 #include "files/formula.hpp"
+#include "nonlinear/nonlinear_scene.hpp"
 
 #include <map>
 #include <memory>

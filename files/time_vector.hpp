@@ -1,8 +1,8 @@
 #pragma once
 // Expressions of t as one function with an entry for each.
 
+#include "catalogue/catalogue.hpp"
 #include "core/base/time_function.hpp"
-#include "core/catalogue/catalogue.hpp"
 
 #include <map>
 #include <memory>

@@ -6,10 +6,10 @@
 // or a scan of many chunks, it is summed up apart, over as many of the last rows as a group of modes remembers: they
 // are divided among the warps of a block, whose sums are then brought together, z <- E^length z + z of the next warp.
 
-#include "core/slabs/slab_states.hpp"
 #include "kernels/convolution_scan.cuh"
 #include "kernels/launch.cuh"
 #include "kernels/parts.hpp"
+#include "ranks/slab_states.hpp"
 
 #include <algorithm>
 #include <utility>

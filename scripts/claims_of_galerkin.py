@@ -102,7 +102,7 @@ def error_of_u(s, J, printed):
 
 
 def game():
-    """nash-game, with its prescribed solution (core/catalogue/nash_game.cpp)."""
+    """nash-game, with its prescribed solution (catalogue/nash_game.cpp)."""
     A = np.array([[2, 0, 0, 0], [-2, -2, -1, 0], [0, 0, -1, 0], [1, 0, -2, 1.0]])
     B = np.array([[1, 2, 0, 0, 0], [-1, 0, 0, -1, 0], [0, 0, 2, 1, 0], [0, 1, 1, 0, 0.0]])
     N = np.array([[1, 1, 0, 0], [0, 2, 1, 0], [0, 0, -1, 2], [-1, 0, 0, 1], [0, 0, 0, 0.0]])
@@ -121,7 +121,7 @@ def game():
 
 
 def bridge():
-    """The suspension bridge from 0 with velocity 1 (core/catalogue/bridge.cpp): kinks at multiples of T/6."""
+    """The suspension bridge from 0 with velocity 1 (catalogue/bridge.cpp): kinks at multiples of T/6."""
     def u(t):
         k = math.floor(t / (1.5 * math.pi))
         s, v = t - 1.5 * math.pi * k, 1 + 2 * k / 15

@@ -2,17 +2,17 @@
 // batch share their dynamics and differ in x0; y of some of them is compared with single solves. And the time of a
 // derivative beside a prepared solve.
 
-#include "core/batch/batch.hpp"
+#include "batch/batch.hpp"
 
 #include "app/commands.hpp"
 #include "app/text.hpp"
 #include "bench/studies/study.hpp"
-#include "core/derivatives/modal_derivative.hpp"
-#include "core/derivatives/solution_derivative.hpp"
-#include "core/derivatives/space_time_derivative.hpp"
 #include "core/solve/solve.hpp"
 #include "core/solve/solver.hpp"
 #include "cpu/cpu_backend.hpp"
+#include "derivatives/modal_derivative.hpp"
+#include "derivatives/solution_derivative.hpp"
+#include "derivatives/space_time_derivative.hpp"
 #include "kernels/cuda_backend.hpp"
 
 #include <fmt/format.h>
@@ -270,7 +270,7 @@ BenchReport bench_batch(const BenchRequest& request, Backend& backend) {
       "Solver::set_x0 and Solver::solve in a loop, or solve where scenes have their own A: likewise";
   report.details["in_lanes"] = "scenes that were stepped side by side";
   report.details["us"] =
-      "of core/derivatives, in microseconds; us_solve: a prepared solve of the same scene by the method of the row";
+      "of derivatives/, in microseconds; us_solve: a prepared solve of the same scene by the method of the row";
   report.details["difference"] = "largest |y - y of the single solve| / max |y|";
   std::vector<std::vector<std::string>> lines{
       {"scene", "backend", "scenes", "J", "side by side", "ns", "ns single", "ratio", "other status", "difference"}};

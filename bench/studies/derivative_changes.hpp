@@ -1,7 +1,7 @@
 #pragma once
 // Drawn changes of the data of a scene, as a derivative takes them and as scenes.
 
-#include "core/derivatives/solution_derivative.hpp"
+#include "derivatives/solution_derivative.hpp"
 
 #include <functional>
 #include <random>

@@ -3,13 +3,13 @@
 #include "bench/studies/derivative_changes.hpp"
 #include "core/base/error.hpp"
 #include "core/base/text.hpp"
-#include "core/derivatives/galerkin_derivative.hpp"
-#include "core/derivatives/modal_derivative.hpp"
-#include "core/derivatives/space_time_derivative.hpp"
-#include "core/derivatives/switched_derivative.hpp"
 #include "core/lcp/lcp_class.hpp"
 #include "core/scene/separable.hpp"
 #include "core/solve/solve.hpp"
+#include "derivatives/galerkin_derivative.hpp"
+#include "derivatives/modal_derivative.hpp"
+#include "derivatives/space_time_derivative.hpp"
+#include "derivatives/switched_derivative.hpp"
 
 #include <algorithm>
 #include <cmath>

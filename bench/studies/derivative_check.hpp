@@ -1,8 +1,8 @@
 #pragma once
 // A derivative of a scene against central differences of solves.
 
-#include "core/derivatives/solution_derivative.hpp"
 #include "core/seam/backend.hpp"
+#include "derivatives/solution_derivative.hpp"
 
 #include <map>
 #include <string>

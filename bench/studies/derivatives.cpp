@@ -4,8 +4,8 @@
 #include "app/text.hpp"
 #include "bench/studies/derivative_check.hpp"
 #include "bench/studies/study.hpp"
+#include "catalogue/catalogue.hpp"
 #include "core/base/error.hpp"
-#include "core/catalogue/catalogue.hpp"
 #include "files/scene_file.hpp"
 
 #include <fmt/format.h>

@@ -4,7 +4,7 @@
 #include "app/text.hpp"
 #include "bench/studies/boundary_euler.hpp"
 #include "bench/studies/galerkin.hpp"
-#include "core/catalogue/catalogue.hpp"
+#include "catalogue/catalogue.hpp"
 
 #include <fmt/format.h>
 

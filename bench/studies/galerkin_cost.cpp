@@ -3,8 +3,8 @@
 #include "app/commands.hpp"
 #include "app/text.hpp"
 #include "bench/studies/galerkin.hpp"
+#include "catalogue/catalogue.hpp"
 #include "core/base/timer.hpp"
-#include "core/catalogue/catalogue.hpp"
 #include "core/galerkin/discretisation.hpp"
 
 #include <fmt/format.h>

@@ -3,7 +3,7 @@
 
 #include "app/commands.hpp"
 #include "bench/studies/galerkin.hpp"
-#include "core/catalogue/catalogue.hpp"
+#include "catalogue/catalogue.hpp"
 #include "core/galerkin/discretisation.hpp"
 #include "core/galerkin/uniqueness.hpp"
 

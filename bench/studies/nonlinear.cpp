@@ -8,12 +8,12 @@
 
 #include "app/commands.hpp"
 #include "app/text.hpp"
+#include "catalogue/recipes.hpp"
 #include "core/base/error.hpp"
 #include "core/base/timer.hpp"
-#include "core/catalogue/recipes.hpp"
-#include "core/nonlinear/solve_nonlinear.hpp"
 #include "cpu/cpu_backend.hpp"
 #include "kernels/cuda_backend.hpp"
+#include "nonlinear/solve_nonlinear.hpp"
 
 #include <fmt/format.h>
 

@@ -5,7 +5,7 @@
 //         rank; fewest = Communicator::fewest_steps()
 //
 // n J points, R > 1 for what is behind the first term, bytes 8 n (K + 1) to the next rank and 8 (R - 1) P to all
-// (core/slabs/slab_convolution.hpp). Measured: point, latency, bandwidth, and carry, the work of a rank on the state at
+// (ranks/slab_convolution.hpp). Measured: point, latency, bandwidth, and carry, the work of a rank on the state at
 // the ends of its slab relative to its sweep. Any of them may be given by --set instead, for another machine. Whole
 // solves by cycles are measured beside the model: with J steps on one rank and on all, and with J steps for each rank.
 
@@ -18,13 +18,13 @@
 #include "core/base/timer.hpp"
 #include "core/kernel/discretise.hpp"
 #include "core/kernel/operators.hpp"
-#include "core/slabs/slab_array.hpp"
-#include "core/slabs/slab_backend.hpp"
-#include "core/slabs/slab_states.hpp"
-#include "core/slabs/slabs.hpp"
 #include "core/solve/solver.hpp"
 #include "cpu/cpu_backend.hpp"
 #include "kernels/cuda_backend.hpp"
+#include "ranks/slab_array.hpp"
+#include "ranks/slab_backend.hpp"
+#include "ranks/slab_states.hpp"
+#include "ranks/slabs.hpp"
 
 #include <fmt/format.h>
 

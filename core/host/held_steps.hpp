@@ -5,7 +5,7 @@
 //
 //     x_j = E x_{j-1} + L u_{j-1} + R u_j,   w_j = N x_j + M y_j + g_j,   0 <= y_j ⊥ w_j >= 0.
 //
-// The derivatives are those of core/derivatives/solution_derivative.hpp, and so are the limits.
+// The derivatives are those of derivatives/solution_derivative.hpp, and so are the limits.
 //
 // symbol       member               shape
 // E, L, R      E, L, R              m x m

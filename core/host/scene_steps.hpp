@@ -1,6 +1,6 @@
 #pragma once
 // The steps of small dense scenes and the checks of their rows, in numbers of any kind. A double is one scene, in a
-// thread of a device; a vector of doubles has a scene in each lane (core/batch/lane_march.hpp). Nothing is allocated.
+// thread of a device; a vector of doubles has a scene in each lane (batch/lane_march.hpp). Nothing is allocated.
 //
 // Continuous y, linear between time points (core/march/marching.cpp):
 //

@@ -1,6 +1,6 @@
 #pragma once
 // The small complementarity problem of one scene, solved by its stored maps on active sets, as ActiveSetTable
-// (core/batch) does in the lanes of the host. It runs in a thread of the host or of a device.
+// (batch/) does in the lanes of the host. It runs in a thread of the host or of a device.
 
 #include "../base/types.hpp"
 

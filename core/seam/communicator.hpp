@@ -53,7 +53,7 @@ class Communicator {
   virtual Index fewest_steps() const { return 16; }
 
   /// Whether rows of arrays travel from device to device, in the order of the stream of their backend: the calls below
-  /// return before that. They need it; where it is false, rows go through the host (core/slabs).
+  /// return before that. They need it; where it is false, rows go through the host (ranks/).
   virtual bool moves_rows() const { return false; }
   /// Like `shift`, of all these rows. The last rank sends nothing, and the first one keeps its rows.
   void shift(const std::vector<RowShift>&);

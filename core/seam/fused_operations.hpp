@@ -23,7 +23,7 @@ struct SceneMarchProblem;
 
 /// Optional operations of a backend: one kernel replaces several operations, or the device replaces the host. An empty
 /// one is replaced by required operations or by core/host (see the members of Backend of the same name), scene_march by
-/// core/batch.
+/// batch/.
 struct FusedOperations {
   /// Records operations without running them, and returns their replay. Their arrays and plans must outlive it. Returns
   /// an empty function if replay gains nothing: arrays of `values` numbers make the launch overhead negligible.

@@ -1,7 +1,7 @@
 #pragma once
 // Many small dense scenes stepped side by side by a backend, a thread for each (core/host/scene_steps.hpp). The
 // operation is optional (FusedOperations::scene_march). Without it, scenes are stepped in the lanes of vectors on the
-// threads of the host (core/batch/lane_march.hpp), with the same results.
+// threads of the host (batch/lane_march.hpp), with the same results.
 
 #include "../base/plan.hpp"
 #include "../base/types.hpp"

@@ -1,6 +1,6 @@
 #pragma once
 // Operations on rows of arrays, for backends whose memory is not that of the host: what a rank needs that has a slab of
-// the time points (core/slabs). Optional, all of them or none; without them whole arrays are copied to the host.
+// the time points (ranks/). Optional, all of them or none; without them whole arrays are copied to the host.
 
 #include "plans.hpp"
 

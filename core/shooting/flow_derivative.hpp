@@ -11,7 +11,7 @@
 // not move. Accumulated events, passed by one short step, count as no change: the constraints of the set after them
 // hold.
 //
-// core/derivatives/switched_tape.hpp has the same equations for changes of all data, and refuses what is differentiable
+// derivatives/switched_tape.hpp has the same equations for changes of all data, and refuses what is differentiable
 // from one side only. Here such a point has a derivative of one side: a Newton iteration takes any.
 
 #include "../events/event_driven.hpp"

@@ -2,10 +2,10 @@
 
 #include "app/backend_choice.hpp"
 #include "arrays.hpp"
+#include "batch/batch.hpp"
+#include "batch/batch_derivative.hpp"
+#include "batch/stopped_batch.hpp"
 #include "calls.hpp"
-#include "core/batch/batch.hpp"
-#include "core/batch/batch_derivative.hpp"
-#include "core/batch/stopped_batch.hpp"
 #include "cpu/cpu_backend.hpp"
 #include "machine.hpp"
 #include "module.hpp"

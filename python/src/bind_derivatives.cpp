@@ -3,7 +3,7 @@
 #include "answer.hpp"
 #include "arrays.hpp"
 #include "core/base/error.hpp"
-#include "core/derivatives/parameter_derivative.hpp"
+#include "derivatives/parameter_derivative.hpp"
 #include "module.hpp"
 #include "sources.hpp"
 

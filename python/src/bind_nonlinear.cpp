@@ -4,11 +4,11 @@
 #include "calls.hpp"
 #include "core/base/error.hpp"
 #include "core/base/timer.hpp"
-#include "core/nonlinear/nonlinear_output.hpp"
 #include "core/result/switching.hpp"
 #include "files/nonlinear_file.hpp"
 #include "machine.hpp"
 #include "module.hpp"
+#include "nonlinear/nonlinear_output.hpp"
 
 #include <nanobind/eigen/dense.h>
 #include <nanobind/stl/map.h>

@@ -3,8 +3,8 @@
 // and M go through the host.
 
 #include "arrays.hpp"
+#include "batch/array_scenes.hpp"
 #include "calls.hpp"
-#include "core/batch/array_scenes.hpp"
 #include "machine.hpp"
 #include "module.hpp"
 #include "shared_arrays.hpp"

@@ -2,11 +2,11 @@
 
 #include "app/backend_choice.hpp"
 #include "core/base/error.hpp"
-#include "core/slabs/slab_backend.hpp"
 #include "core/solve/cost.hpp"
 #include "core/solve/method_choice.hpp"
 #include "cpu/cpu_backend.hpp"
 #include "kernels/cuda_plugin.hpp"
+#include "ranks/slab_backend.hpp"
 
 #include <exception>
 #include <map>

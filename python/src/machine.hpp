@@ -1,7 +1,7 @@
 #pragma once
 // The backend that a solve runs on, from words.
 
-#include "core/batch/batch.hpp"
+#include "batch/batch.hpp"
 #include "core/seam/communicator.hpp"
 #include "core/solve/solve.hpp"
 

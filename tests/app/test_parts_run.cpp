@@ -1,7 +1,7 @@
 // Runs in parts of time: how many there are, what they report, and that they are one run.
 
 #include "app/parts_run.hpp"
-#include "core/catalogue/catalogue.hpp"
+#include "catalogue/catalogue.hpp"
 #include "tests/support/run.hpp"
 
 #include <gtest/gtest.h>

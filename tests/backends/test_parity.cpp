@@ -5,8 +5,8 @@
 // 600 lags of such weights and stops at a change of 1e-12, one sweep earlier or later, which leaves 1e-12/(1 - rate)
 // with rates below 0.8. Where a scene amplifies perturbations further, Result::magnification multiplies the tolerance.
 
-#include "core/catalogue/catalogue.hpp"
-#include "core/derivatives/space_time_derivative.hpp"
+#include "catalogue/catalogue.hpp"
+#include "derivatives/space_time_derivative.hpp"
 #include "tests/derivatives/drawn_changes.hpp"
 #include "tests/support/backends.hpp"
 #include "tests/support/oracle.hpp"

@@ -1,11 +1,11 @@
 // Contract of scenes in arrays on every backend: solutions are those of single solves, derivatives those of
 // SolutionDerivative, scene by scene; one that has none spoils nothing.
 
+#include "batch/array_scenes.hpp"
+#include "batch/batch_derivative.hpp"
 #include "core/base/error.hpp"
-#include "core/batch/array_scenes.hpp"
-#include "core/batch/batch_derivative.hpp"
-#include "core/derivatives/solution_derivative.hpp"
 #include "core/solve/solve.hpp"
+#include "derivatives/solution_derivative.hpp"
 #include "tests/support/backends.hpp"
 #include "tests/support/run.hpp"
 

@@ -1,8 +1,8 @@
 // Contract of many scenes side by side on every backend (core/seam/scene_march.hpp where it has that, lanes of vectors
 // elsewhere): against the dense oracle, and status by status against single solves on the CPU.
 
-#include "core/batch/batch.hpp"
-#include "core/catalogue/catalogue.hpp"
+#include "batch/batch.hpp"
+#include "catalogue/catalogue.hpp"
 #include "core/solve/solve.hpp"
 #include "tests/support/backends.hpp"
 #include "tests/support/batches.hpp"

@@ -1,7 +1,7 @@
 // Contract of the operations on rows (core/seam/slab_operations.hpp): slabs that follow each other, held against one
 // array that has them all.
 
-#include "core/catalogue/catalogue.hpp"
+#include "catalogue/catalogue.hpp"
 #include "core/kernel/discretise.hpp"
 #include "core/kernel/operators.hpp"
 #include "tests/support/backends.hpp"

@@ -1,7 +1,7 @@
 // A request to stop takes effect while sources are sampled, before the first step.
 
+#include "catalogue/catalogue.hpp"
 #include "core/base/interruption.hpp"
-#include "core/catalogue/catalogue.hpp"
 #include "core/solve/solve.hpp"
 #include "cpu/cpu_backend.hpp"
 

@@ -1,8 +1,8 @@
 // Active sets of a table against enumeration.
 
-#include "core/batch/active_set_table.hpp"
+#include "batch/active_set_table.hpp"
 
-#include "core/batch/short_inverse.hpp"
+#include "batch/short_inverse.hpp"
 #include "core/lcp/other_solutions.hpp"
 #include "tests/support/oracle.hpp"
 

@@ -1,7 +1,7 @@
 // Batches as a whole: doubts, failures, blocks, interrupts, given times and bad input.
 
-#include "core/batch/batch.hpp"
-#include "core/catalogue/catalogue.hpp"
+#include "batch/batch.hpp"
+#include "catalogue/catalogue.hpp"
 #include "core/solve/dense_output.hpp"
 #include "tests/support/batches.hpp"
 #include "tests/support/refusal.hpp"

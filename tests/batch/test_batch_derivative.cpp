@@ -1,6 +1,6 @@
 // Derivatives of batches: those of single scenes, central differences of batches, one scene that fails.
 
-#include "core/batch/batch_derivative.hpp"
+#include "batch/batch_derivative.hpp"
 
 #include "core/base/error.hpp"
 #include "core/solve/solve.hpp"

@@ -1,6 +1,6 @@
 // Scenes with a continuous y stepped side by side in vector lanes, against single solves and the dense oracle.
 
-#include "core/catalogue/catalogue.hpp"
+#include "catalogue/catalogue.hpp"
 #include "tests/support/batches.hpp"
 #include "tests/support/oracle.hpp"
 #include "tests/support/run.hpp"

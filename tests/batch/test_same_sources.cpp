@@ -1,8 +1,8 @@
 // Whole scenes with one f and g, as the scenes of a sweep are: they are stepped as a batch that differs in x0 alone.
 
-#include "core/batch/batch.hpp"
-#include "core/batch/batch_groups.hpp"
-#include "core/catalogue/catalogue.hpp"
+#include "batch/batch.hpp"
+#include "batch/batch_groups.hpp"
+#include "catalogue/catalogue.hpp"
 #include "tests/support/run.hpp"
 
 #include <gtest/gtest.h>

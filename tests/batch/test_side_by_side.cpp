@@ -1,10 +1,10 @@
 // Scenes solved by several threads at once, against single solves of the same scenes.
 
-#include "core/batch/side_by_side.hpp"
+#include "batch/side_by_side.hpp"
 
+#include "batch/single_solves.hpp"
+#include "catalogue/catalogue.hpp"
 #include "core/base/error.hpp"
-#include "core/batch/single_solves.hpp"
-#include "core/catalogue/catalogue.hpp"
 #include "core/solve/cost.hpp"
 #include "core/solve/solve.hpp"
 #include "cpu/cpu_backend.hpp"

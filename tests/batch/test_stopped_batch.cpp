@@ -1,6 +1,6 @@
 // Batches that a user stops: how soon, and what is kept.
 
-#include "core/batch/stopped_batch.hpp"
+#include "batch/stopped_batch.hpp"
 
 #include "cpu/cpu_backend.hpp"
 #include "tests/support/reference.hpp"

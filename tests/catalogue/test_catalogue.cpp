@@ -1,5 +1,5 @@
+#include "catalogue/catalogue.hpp"
 #include "core/base/error.hpp"
-#include "core/catalogue/catalogue.hpp"
 
 #include "core/scene/component_names.hpp"
 #include "tests/support/oracle.hpp"

@@ -1,8 +1,8 @@
 #pragma once
 // Scenes, changes of their data, and scenes with changed data, for tests of derivatives.
 
-#include "core/catalogue/catalogue.hpp"
-#include "core/derivatives/solution_derivative.hpp"
+#include "catalogue/catalogue.hpp"
+#include "derivatives/solution_derivative.hpp"
 #include "tests/support/reference.hpp"
 
 #include <algorithm>

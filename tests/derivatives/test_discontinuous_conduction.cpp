@@ -1,9 +1,9 @@
 // Derivatives of converters whose coil carries no current for a part of each period: by every parameter, against
 // differences of the three linear modes, with the end of the current located by bisection.
 
-#include "core/derivatives/parameter_derivative.hpp"
 #include "core/solve/solve.hpp"
 #include "cpu/cpu_backend.hpp"
+#include "derivatives/parameter_derivative.hpp"
 #include "tests/support/oracle.hpp"
 
 #include <gtest/gtest.h>

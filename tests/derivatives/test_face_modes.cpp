@@ -1,6 +1,6 @@
 // Sine modes of faces against products with the matrix of all modes.
 
-#include "core/derivatives/face_modes.hpp"
+#include "derivatives/face_modes.hpp"
 
 #include "core/dynamics/second_difference.hpp"
 #include "tests/support/reference.hpp"

@@ -1,8 +1,8 @@
 // Derivatives of boundary-value problems against central differences of solves, and both passes against each other.
 
-#include "core/derivatives/galerkin_derivative.hpp"
+#include "derivatives/galerkin_derivative.hpp"
 
-#include "core/catalogue/catalogue.hpp"
+#include "catalogue/catalogue.hpp"
 #include "core/solve/solve.hpp"
 #include "cpu/cpu_backend.hpp"
 #include "tests/derivatives/drawn_changes.hpp"

@@ -1,11 +1,11 @@
 // Problems on given sets against the matrix of all time points, on every backend and by every method.
 
-#include "core/derivatives/held_sets.hpp"
+#include "derivatives/held_sets.hpp"
 
-#include "core/catalogue/catalogue.hpp"
-#include "core/derivatives/lcp_terms.hpp"
+#include "catalogue/catalogue.hpp"
 #include "core/kernel/operators.hpp"
 #include "core/kernel/transposed_operator.hpp"
+#include "derivatives/lcp_terms.hpp"
 #include "tests/support/backends.hpp"
 #include "tests/support/dense_kernel.hpp"
 #include "tests/support/refusal.hpp"

@@ -1,11 +1,11 @@
 // State maps of one scene in three forms against steps of its dense matrices, and all of them transposed.
 
-#include "core/derivatives/make_state_maps.hpp"
+#include "derivatives/make_state_maps.hpp"
 
-#include "core/derivatives/contour_states.hpp"
-#include "core/derivatives/kronecker_states.hpp"
 #include "core/kernel/discretise.hpp"
 #include "cpu/cpu_backend.hpp"
+#include "derivatives/contour_states.hpp"
+#include "derivatives/kronecker_states.hpp"
 #include "tests/derivatives/drawn_changes.hpp"
 #include "tests/support/refusal.hpp"
 

@@ -1,10 +1,10 @@
 // The convolution of a Kronecker sum in modes, step by step, against sums over its lag weights from all eigenvalues;
 // the response to x0 against exponentials; both transposed.
 
-#include "core/derivatives/modal_convolution.hpp"
-#include "core/derivatives/modal_start.hpp"
+#include "derivatives/modal_convolution.hpp"
+#include "derivatives/modal_start.hpp"
 
-#include "core/catalogue/catalogue.hpp"
+#include "catalogue/catalogue.hpp"
 #include "core/kernel/recurrence.hpp"
 #include "tests/support/reference.hpp"
 

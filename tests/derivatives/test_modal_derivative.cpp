@@ -1,8 +1,8 @@
 // Derivatives of Kronecker sums against central differences of solves, and against those of the dense matrices.
 
-#include "core/derivatives/modal_derivative.hpp"
+#include "derivatives/modal_derivative.hpp"
 
-#include "core/catalogue/catalogue.hpp"
+#include "catalogue/catalogue.hpp"
 #include "core/solve/solve.hpp"
 #include "cpu/cpu_backend.hpp"
 #include "tests/derivatives/drawn_changes.hpp"

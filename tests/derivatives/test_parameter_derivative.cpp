@@ -1,10 +1,10 @@
 // Derivatives with respect to parameters against central differences of whole solves, and where y jumps against those
 // of the event-located oracle. Gradients against the transpose, and what is refused.
 
-#include "core/derivatives/parameter_derivative.hpp"
+#include "derivatives/parameter_derivative.hpp"
 
+#include "catalogue/catalogue.hpp"
 #include "core/base/error.hpp"
-#include "core/catalogue/catalogue.hpp"
 #include "core/scene/relay.hpp"
 #include "core/solve/solve.hpp"
 #include "cpu/cpu_backend.hpp"

@@ -1,6 +1,6 @@
 // Quantities of interest and their gradients: closed forms, and central differences of solves.
 
-#include "core/derivatives/quantity_derivative.hpp"
+#include "derivatives/quantity_derivative.hpp"
 
 #include "core/base/error.hpp"
 #include "core/scene/port_hamiltonian.hpp"

@@ -1,8 +1,8 @@
 // Derivatives against central differences of solves with changed data, and the two directions against each other.
 
-#include "core/derivatives/solution_derivative.hpp"
+#include "derivatives/solution_derivative.hpp"
 
-#include "core/catalogue/catalogue.hpp"
+#include "catalogue/catalogue.hpp"
 #include "core/solve/solve.hpp"
 #include "cpu/cpu_backend.hpp"
 #include "tests/support/reference.hpp"

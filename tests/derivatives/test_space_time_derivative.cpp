@@ -1,13 +1,13 @@
 // Derivatives over all time points at once, on every backend and by every method, against those that step on the host
 // and against central differences of solves.
 
-#include "core/derivatives/space_time_derivative.hpp"
+#include "derivatives/space_time_derivative.hpp"
 
-#include "core/catalogue/catalogue.hpp"
-#include "core/derivatives/modal_derivative.hpp"
+#include "catalogue/catalogue.hpp"
 #include "core/kernel/discretise.hpp"
 #include "core/kernel/operators.hpp"
 #include "core/solve/solve.hpp"
+#include "derivatives/modal_derivative.hpp"
 #include "tests/derivatives/drawn_changes.hpp"
 #include "tests/support/backends.hpp"
 #include "tests/support/refusal.hpp"

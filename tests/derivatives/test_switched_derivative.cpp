@@ -2,7 +2,7 @@
 // event-located oracle on random scenes. BROMWICH_RANDOM_SCENES sets their number (default 300),
 // BROMWICH_FIRST_SCENE the first seed.
 
-#include "core/derivatives/switched_derivative.hpp"
+#include "derivatives/switched_derivative.hpp"
 
 #include "core/base/error.hpp"
 #include "core/scene/relay.hpp"

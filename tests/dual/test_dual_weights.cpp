@@ -2,7 +2,7 @@
 
 #include "core/dual/dual_weights.hpp"
 
-#include "core/catalogue/catalogue.hpp"
+#include "catalogue/catalogue.hpp"
 #include "core/kernel/discretise.hpp"
 #include "core/kernel/recurrence.hpp"
 #include "tests/support/oracle.hpp"

@@ -1,9 +1,9 @@
 // Kronecker sums with constraints on two opposite faces, in modes, against the same written out as matrices.
 
-#include "core/derivatives/space_time_derivative.hpp"
 #include "core/dynamics/dynamics.hpp"
 #include "core/dynamics/rectangle.hpp"
 #include "core/dynamics/sparse.hpp"
+#include "derivatives/space_time_derivative.hpp"
 #include "tests/support/backends.hpp"
 #include "tests/support/run.hpp"
 

@@ -1,7 +1,7 @@
 // Dynamics supplied by callbacks against the same dynamics given as matrices.
 
+#include "catalogue/catalogue.hpp"
 #include "core/base/error.hpp"
-#include "core/catalogue/catalogue.hpp"
 #include "core/solve/solve.hpp"
 #include "cpu/cpu_backend.hpp"
 #include "tests/support/refusal.hpp"

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# headers.sh SOURCE OUT COMPILER [FLAG...]: every header of core, cpu and files compiles alone, and twice in one unit.
+# headers.sh SOURCE OUT COMPILER [FLAG...]: every header of core, of the folders beside it, cpu and files compiles alone, and twice in one unit.
 #
 # Most headers include core/base/types.hpp, by themselves or through others, and Eigen with it: a second each. These are
 # compiled on a precompiled core/base/types.hpp, which hides nothing, since a header's includes come before its text. A
@@ -42,7 +42,7 @@ for bare in missing_include missing_guard; do
   fi
 done
 
-mapfile -t headers < <(find core cpu files -name '*.hpp' | sort)
+mapfile -t headers < <(find core catalogue derivatives batch nonlinear ranks cpu files -name '*.hpp' | sort)
 ((${#headers[@]} > 40)) || { echo "headers: only ${#headers[@]} found in $PWD"; exit 1; }
 printf '%s\n' "${headers[@]}" | xargs -P "$(nproc)" -I {} bash -c 'check_header {}'
 echo "headers: ${#headers[@]} compile alone"

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
-"""mirror.py SOURCE: tests/ mirrors core/.
+"""mirror.py SOURCE: tests/ mirrors core/ and the folders beside it.
 
-Every room of core/ has a folder of tests. Every source core/ROOM/NAME.cpp has a test: tests/ROOM/test_NAME.cpp, or a
-test that includes core/ROOM/NAME.hpp, or a line in tests/COVERED. No test lies in tests/ itself, and every one is in the
+Every room (core/ROOMS) has a folder of tests. Every source ROOM/NAME.cpp has a test: tests/ROOM/test_NAME.cpp, or a
+test that includes ROOM/NAME.hpp, or a line in tests/COVERED. No test lies in tests/ itself, and every one is in the
 lists of tests/CMakeLists.txt.
 """
 
@@ -10,7 +10,7 @@ import re
 import sys
 from pathlib import Path
 
-INCLUDE = re.compile(r'^\s*#\s*include\s+"(core/[^"]+)"', re.M)
+INCLUDE = re.compile(r'^\s*#\s*include\s+"(?:core/)?([^"]+)"', re.M)
 IN_A_PROGRAM = re.compile(r"\b\w+/test_\w+\.cpp")  # of its own
 LISTED = re.compile(r"bromwich_tests_of\(\s*(\w+)\s+([^)]*)\)")
 
@@ -21,9 +21,10 @@ def lines_of(path):
 
 def faults(root):
     core, tests = root / "core", root / "tests"
-    for room, *_ in lines_of(core / "ROOMS"):
+    rooms = [room for room, *_ in lines_of(core / "ROOMS")]
+    for room in rooms:
         if not any((tests / room).glob("test_*.cpp")):
-            yield f"core/{room} has no tests: tests/{room} is missing or empty"
+            yield f"{room} has no tests: tests/{room} is missing or empty"
     for path in sorted(tests.glob("*.[ch]pp")):
         yield f"tests/{path.name}: belongs into a folder"
 
@@ -37,19 +38,20 @@ def faults(root):
         if path.parent.name != "engineering" and name not in listed:
             yield f"tests/{name}: is not in tests/CMakeLists.txt"
 
+    sources = {str(path.relative_to(folder).with_suffix("")): path
+               for folder in (core, root) for room in rooms for path in sorted((folder / room).glob("*.cpp"))}
     covered = {}
     for source, *by in lines_of(tests / "COVERED"):
         covered[source] = by
-        if not (core / f"{source}.cpp").is_file():
-            yield f"tests/COVERED: core/{source}.cpp does not exist"
+        if source not in sources:
+            yield f"tests/COVERED: {source}.cpp does not exist"
         for name in by or ["(nothing)"]:
             if not (tests / name).is_file():
                 yield f"tests/COVERED: {source}: tests/{name} does not exist"
-    for path in sorted(core.glob("*/*.cpp")):
-        unit = str(path.relative_to(core).with_suffix(""))
+    for unit, path in sources.items():
         own = tests / path.parent.name / f"test_{path.stem}.cpp"
-        if not own.is_file() and f"core/{unit}.hpp" not in included and unit not in covered:
-            yield f"core/{unit}.cpp has no test: write {own.relative_to(root)}, or say in tests/COVERED what tests it"
+        if not own.is_file() and f"{unit}.hpp" not in included and unit not in covered:
+            yield f"{unit}.cpp has no test: write {own.relative_to(root)}, or say in tests/COVERED what tests it"
 
 
 def accepts_anything():
@@ -58,15 +60,15 @@ def accepts_anything():
 
     with tempfile.TemporaryDirectory() as folder:
         root = Path(folder)
-        for name, text in {"core/ROOMS": "low\nhigh\n", "core/low/a.cpp": "", "core/low/b.cpp": "", "core/high/c.cpp": "",
+        for name, text in {"core/ROOMS": "low\nhigh\n", "core/low/a.cpp": "", "core/low/b.cpp": "", "high/c.cpp": "",
                            "tests/COVERED": "low/gone low/test_a.cpp\n", "tests/low/test_a.cpp": "",
                            "tests/stray.cpp": "", "tests/CMakeLists.txt": ""}.items():
             (root / name).parent.mkdir(parents=True, exist_ok=True)
             (root / name).write_text(text)
         found = "\n".join(faults(root))
-    expected = ["core/high has no tests", "core/low/b.cpp has no test", "core/high/c.cpp has no test", "stray.cpp",
-                "test_a.cpp: is not in", "core/low/gone.cpp does not exist"]
-    return any(part not in found for part in expected) or "core/low/a.cpp has no test" in found
+    expected = ["high has no tests", "low/b.cpp has no test", "high/c.cpp has no test", "stray.cpp",
+                "test_a.cpp: is not in", "low/gone.cpp does not exist"]
+    return any(part not in found for part in expected) or "low/a.cpp has no test" in found
 
 
 def main():

@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
-"""rooms.py SOURCE [--draw OUT.dot]: the include graph of core/, held against the order of its rooms.
+"""rooms.py SOURCE [--draw OUT.dot]: the include graph of core/ and of the folders beside it, held against their order.
 
-A room is a folder of core/. core/ROOMS lists them from the ground up; a file may include files of its own room and of
-the rooms below it. Fails on a room or file that is not listed, on an include that points up, and on a circle of files
-(a header and its source count as one). Of the other folders: core includes none of them, and nothing but backends,
-files, the command, studies and tests includes core's inner rooms. No file of core asks for the kind of dynamics:
+A room is a folder of core/, or a folder beside it with a library of its own. core/ROOMS lists them from the ground up; a
+file may include files of its own room and of the rooms below it. Fails on a room or file that is not listed, on an
+include that points up, and on a circle of files (a header and its source count as one). They include no other folder.
+No file of core asks for the kind of dynamics:
 methods ask for capabilities (core/dynamics/linear_system.hpp). Nothing outside core/lcp compares the name of a class of
 complementarity matrices: it asks for a trait (core/lcp/class_traits.hpp). `--classes` lists where classes are named. Examples include what is installed.
 """
@@ -31,9 +31,9 @@ def unit(path):
     return str(path.with_suffix(""))
 
 
-def graph_of(root, folder):
+def graph_of(root, beside):
     graph = {}
-    for path in sorted((root / folder).rglob("*")):
+    for path in sorted(p for folder in ("core", *beside) for p in (root / folder).rglob("*")):
         if path.suffix in (".hpp", ".cpp"):
             own = path.relative_to(root)
             edges = graph.setdefault(unit(own), {})
@@ -70,13 +70,22 @@ def circles(graph):
 
 
 def rooms_of(root):
-    lines = (root / "core" / "ROOMS").read_text().splitlines()
-    return [line.split()[0] for line in lines if line.strip() and not line.startswith("#")]
+    """The rooms of core, and the folders beside it."""
+    parts = (root / "core" / "ROOMS").read_text().split("# beside core\n")
+    within, beside = [[line.split()[0] for line in part.splitlines() if line.strip() and not line.startswith("#")]
+                      for part in (*parts, "")[:2]]
+    return within, beside
+
+
+def room_of(name):
+    """The room of a file: core/ROOM/NAME or ROOM/NAME."""
+    parts = name.split("/")[:-1]
+    return parts[0] if parts[0] != "core" else "/".join(parts[1:])
 
 
 def named_classes(root):
     """Lines outside core/lcp that name an LcpClass; tests may ask for what they like."""
-    for folder in ("core", "cpu", "kernels", "files", "app", "mpi", "report", "bench", "python", "examples"):
+    for folder in ("core", *rooms_of(root)[1], "cpu", "kernels", "files", "app", "mpi", "report", "bench", "python", "examples"):
         for path in sorted((root / folder).rglob("*")):
             own = path.relative_to(root)
             if path.suffix not in (".hpp", ".cpp", ".cu", ".cuh") or own.parts[:2] == ("core", "lcp"):
@@ -87,25 +96,26 @@ def named_classes(root):
 
 
 def faults(root):
-    rooms = rooms_of(root)
-    graph = graph_of(root, "core")
-    level = {name: i for i, name in enumerate(rooms)}
-    room = {u: u.split("/")[1] if u.count("/") >= 2 else "" for u in graph}
+    within, beside = rooms_of(root)
+    graph = graph_of(root, beside)
+    level = {name: i for i, name in enumerate(within + beside)}
+    room = {u: room_of(u) for u in graph}
     for u, name in room.items():
         if name not in level:
             yield f"{u}: its folder is not listed in core/ROOMS"
-    for name in rooms:
+    for name in level:
         if name not in room.values():
             yield f"core/ROOMS: {name} has no files"
     for u, edges in graph.items():
         for other, where in edges.items():
-            if not other.startswith("core/"):
-                yield f"{where}: includes {other}; core/ stands alone"
-            elif level.get(room.get(other), 99) > level.get(room[u], 99):
+            if other not in room:
+                yield f"{where}: includes {other}; core/ and what is beside it stand alone"
+            elif level.get(room[other], 99) > level.get(room[u], 99):
                 yield f"{where}: includes {other}, which is above {room[u]}"
-    for path in sorted((root / "core").rglob("*.[ch]pp")):
-        if KIND.search(path.read_text()):
-            yield f"{path.relative_to(root)}: asks for the kind of dynamics; ask for a capability"
+    for u, edges in graph.items():
+        for path in (root / f"{u}{suffix}" for suffix in (".hpp", ".cpp")):
+            if path.is_file() and KIND.search(path.read_text()):
+                yield f"{path.relative_to(root)}: asks for the kind of dynamics; ask for a capability"
     for path, number, line in named_classes(root):
         if CLASS.search(line):
             yield f"{path}:{number}: asks for the name of a class; ask for a trait (core/lcp/class_traits.hpp)"
@@ -117,15 +127,16 @@ def faults(root):
 
 
 def draw(root, out):
-    rooms, graph = rooms_of(root), graph_of(root, "core")
+    within, beside = rooms_of(root)
+    graph = graph_of(root, beside)
     counts = {}
     for u, edges in graph.items():
         for other in edges:
-            pair = (u.split("/")[1], other.split("/")[1])
+            pair = (room_of(u), room_of(other))
             if pair[0] != pair[1]:
                 counts[pair] = counts.get(pair, 0) + 1
     lines = ["digraph rooms {", "  rankdir=BT; node [shape=box];"]
-    lines += [f"  {name};" for name in rooms]
+    lines += [f"  {name};" for name in within + beside]
     lines += [f'  {a} -> {b} [label="{n}"];' for (a, b), n in sorted(counts.items())]
     Path(out).write_text("\n".join(lines) + "\n}\n")
 
@@ -138,16 +149,17 @@ def accepts_anything():
         root = Path(folder).resolve()
         for name, text in {"low/a.hpp": '#include "../high/b.hpp"\n', "high/b.hpp": '#include "../low/a.hpp"\n',
                            "high/c.cpp": "if (holds<DenseDynamics>(d)) return;\n",
-                           "high/d.cpp": "if (c == LcpClass::P) return;\n"}.items():
+                           "high/d.cpp": '#include "../../beside/f.hpp"\nif (c == LcpClass::P) return;\n',
+                           "../beside/f.hpp": '#include "../app/g.hpp"\n', "../app/g.hpp": ""}.items():
             path = root / "core" / name
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(text)
         (root / "examples").mkdir()
         (root / "examples" / "e.cpp").write_text('#include "core/low/a.hpp"\n')
-        (root / "core" / "ROOMS").write_text("low\nhigh\n")
+        (root / "core" / "ROOMS").write_text("low\nhigh\n# beside core\nbeside\n")
         found = list(faults(root))
-        return not all(any(word in f for f in found) for word in ("above low", "circle", "asks for the kind", "asks for the name",
-                                                                "not installed"))
+        return not all(any(word in f for f in found) for word in ("above low", "above high", "stand alone", "circle", "asks for the kind", "asks for the name",
+                                                                  "not installed"))
 
 
 def main():

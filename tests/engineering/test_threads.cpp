@@ -11,7 +11,7 @@
 // marching: modes of a step                 signorini with 263 constraints: 264 x 263 exponentials >= 2^16
 // marching on lags: levels by FFT           sparse: 39 constraints x 1024 lags >= 2^15
 
-#include "core/catalogue/catalogue.hpp"
+#include "catalogue/catalogue.hpp"
 #include "tests/support/run.hpp"
 
 #include <gtest/gtest.h>

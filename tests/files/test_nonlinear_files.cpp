@@ -2,11 +2,11 @@
 // derivatives of expressions against complex steps, and what is said of bad input.
 
 #include "core/base/error.hpp"
-#include "core/nonlinear/nonlinear_output.hpp"
 #include "core/solve/solve.hpp"
 #include "cpu/cpu_backend.hpp"
 #include "files/nonlinear_file.hpp"
 #include "files/slope.hpp"
+#include "nonlinear/nonlinear_output.hpp"
 #include "tests/support/refusal.hpp"
 
 #include <gtest/gtest.h>

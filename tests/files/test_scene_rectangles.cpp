@@ -1,6 +1,6 @@
 // Lines, rectangles and boxes in scene files, compared with the built-in scenes and with matrices written out.
 
-#include "core/catalogue/catalogue.hpp"
+#include "catalogue/catalogue.hpp"
 #include "tests/files/scene_texts.hpp"
 #include "tests/support/run.hpp"
 

@@ -1,8 +1,8 @@
 // Sections and values of scene files that stand for longer ones: definitions, matrices and vectors by a word, offsets
 // of relays, names and units. Each is compared with the scene written out.
 
+#include "catalogue/catalogue.hpp"
 #include "core/base/error.hpp"
-#include "core/catalogue/catalogue.hpp"
 #include "core/scene/component_names.hpp"
 #include "tests/files/scene_texts.hpp"
 #include "tests/support/run.hpp"

@@ -1,7 +1,7 @@
 // The dense Galerkin oracle against exact solutions, and the engine against the oracle: initial values, separated,
 // coupled and periodic boundary conditions, inequalities and equations.
 
-#include "core/catalogue/catalogue.hpp"
+#include "catalogue/catalogue.hpp"
 #include "tests/support/oracle.hpp"
 #include "tests/support/oracle_galerkin.hpp"
 #include "tests/support/run.hpp"

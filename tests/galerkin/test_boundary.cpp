@@ -1,6 +1,6 @@
 // Boundary problems of the Galerkin method that are hard, infeasible or refused.
 
-#include "core/catalogue/catalogue.hpp"
+#include "catalogue/catalogue.hpp"
 #include "core/galerkin/solvers.hpp"
 #include "core/result/switching.hpp"
 #include "core/solve/dense_output.hpp"

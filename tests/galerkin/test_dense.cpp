@@ -1,7 +1,7 @@
 // The Galerkin method against a dense matrix of the same discrete problem, integrated by the oracle's quadrature. Free
 // unknowns are eliminated from the whole matrix at once, and the complementarity problem is solved by Lemke's method.
 
-#include "core/catalogue/catalogue.hpp"
+#include "catalogue/catalogue.hpp"
 #include "core/galerkin/free.hpp"
 #include "core/galerkin/solvers.hpp"
 #include "core/lcp/lemke.hpp"

@@ -2,7 +2,7 @@
 
 #include "core/galerkin/galerkin.hpp"
 
-#include "core/catalogue/catalogue.hpp"
+#include "catalogue/catalogue.hpp"
 #include "core/galerkin/discretisation.hpp"
 #include "core/galerkin/uniqueness.hpp"
 #include "core/solve/dense_output.hpp"

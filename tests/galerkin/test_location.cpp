@@ -1,6 +1,6 @@
 // Event location: nodes at the switches of active sets.
 
-#include "core/catalogue/catalogue.hpp"
+#include "catalogue/catalogue.hpp"
 #include "core/galerkin/location.hpp"
 #include "core/galerkin/recovery.hpp"
 #include "core/result/switching.hpp"

@@ -4,7 +4,7 @@
 // subtracted energies, so violations and indicators keep seven digits. Cells are marked in the same order, since no two
 // indicators of these scenes agree to seven digits.
 
-#include "core/catalogue/catalogue.hpp"
+#include "catalogue/catalogue.hpp"
 #include "core/goal/goal.hpp"
 #include "tests/support/backends.hpp"
 

@@ -1,7 +1,7 @@
 // Goal-oriented grids of scenes with switching: steps, balance, derivatives along the active sets, and the grids found.
 
+#include "catalogue/catalogue.hpp"
 #include "core/base/error.hpp"
-#include "core/catalogue/catalogue.hpp"
 #include "core/goal/complementarity.hpp"
 #include "core/goal/indicators.hpp"
 #include "tests/support/reference.hpp"

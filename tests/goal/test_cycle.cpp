@@ -1,7 +1,7 @@
 // Parts of a cycle of goal-oriented grids: products of many rows, inputs evaluated once, one evaluation of a quantity,
 // and identical bits for any number of threads.
 
-#include "core/catalogue/catalogue.hpp"
+#include "catalogue/catalogue.hpp"
 #include "core/goal/goal.hpp"
 #include "core/goal/grid_adaptation.hpp"
 #include "core/goal/indicators.hpp"

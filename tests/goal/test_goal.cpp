@@ -1,7 +1,7 @@
 // Goal-oriented time grids: derivatives, indicators, marking, and what the grids achieve.
 
+#include "catalogue/catalogue.hpp"
 #include "core/base/error.hpp"
-#include "core/catalogue/catalogue.hpp"
 #include "core/goal/goal.hpp"
 #include "core/goal/grid_adaptation.hpp"
 #include "core/goal/indicators.hpp"

@@ -1,7 +1,7 @@
 // Goal-oriented grids by division into blocks; reports for grids that tell nothing or exceed the memory limit.
 
+#include "catalogue/catalogue.hpp"
 #include "core/base/error.hpp"
-#include "core/catalogue/catalogue.hpp"
 #include "core/goal/cost.hpp"
 #include "core/goal/goal.hpp"
 #include "core/goal/grid_adaptation.hpp"

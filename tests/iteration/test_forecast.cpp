@@ -2,7 +2,7 @@
 
 #include "core/iteration/forecast.hpp"
 
-#include "core/catalogue/catalogue.hpp"
+#include "catalogue/catalogue.hpp"
 #include "core/iteration/windows.hpp"
 #include "core/kernel/discretise.hpp"
 #include "core/kernel/kernel.hpp"

@@ -1,6 +1,6 @@
 // The functional iteration: number of sweeps, cases without convergence, memory.
 
-#include "core/catalogue/catalogue.hpp"
+#include "catalogue/catalogue.hpp"
 #include "core/iteration/functional_iteration.hpp"
 #include "tests/support/expanding.hpp"
 #include "tests/support/run.hpp"

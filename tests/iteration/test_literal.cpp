@@ -1,6 +1,6 @@
 // (2.17) taken literally, as a method.
 
-#include "core/catalogue/catalogue.hpp"
+#include "catalogue/catalogue.hpp"
 #include "core/iteration/literal.hpp"
 #include "tests/support/oracle.hpp"
 #include "tests/support/run.hpp"

@@ -1,7 +1,7 @@
 // Lag tables of recurrences against dense weights, the implicit Euler formula and the printed matrices of the paper.
 
+#include "catalogue/catalogue.hpp"
 #include "core/base/error.hpp"
-#include "core/catalogue/catalogue.hpp"
 #include "core/kernel/memory_length.hpp"
 #include "core/kernel/recurrence.hpp"
 #include "tests/support/oracle.hpp"

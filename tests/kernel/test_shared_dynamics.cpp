@@ -2,7 +2,7 @@
 
 #include "core/kernel/shared_dynamics.hpp"
 
-#include "core/catalogue/catalogue.hpp"
+#include "catalogue/catalogue.hpp"
 #include "core/kernel/discretise.hpp"
 #include "core/kernel/kernel.hpp"
 #include "core/kernel/sparse_kernel.hpp"

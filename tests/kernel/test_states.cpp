@@ -1,7 +1,7 @@
 // States on request: components by observers, time points by contours, both against stepping.
 
+#include "catalogue/catalogue.hpp"
 #include "core/base/error.hpp"
-#include "core/catalogue/catalogue.hpp"
 #include "core/solve/dense_output.hpp"
 #include "core/solve/solve.hpp"
 #include "tests/support/oracle.hpp"

@@ -2,7 +2,7 @@
 
 #include "core/kernel/transfer_fit.hpp"
 
-#include "core/catalogue/catalogue.hpp"
+#include "catalogue/catalogue.hpp"
 #include "core/dynamics/line_transfer.hpp"
 #include "core/kernel/discretise.hpp"
 #include "core/kernel/operators.hpp"

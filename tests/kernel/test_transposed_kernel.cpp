@@ -3,8 +3,8 @@
 
 #include "core/kernel/transposed_kernel.hpp"
 
+#include "catalogue/catalogue.hpp"
 #include "core/base/error.hpp"
-#include "core/catalogue/catalogue.hpp"
 #include "core/kernel/discretise.hpp"
 #include "core/kernel/operators.hpp"
 #include "tests/support/backends.hpp"

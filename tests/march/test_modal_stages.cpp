@@ -1,6 +1,6 @@
 // Radau IIA on a Kronecker sum in sine modes, against full states.
 
-#include "core/catalogue/catalogue.hpp"
+#include "catalogue/catalogue.hpp"
 #include "core/march/stages.hpp"
 #include "tests/support/oracle.hpp"
 #include "tests/support/run.hpp"

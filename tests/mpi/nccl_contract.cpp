@@ -1,14 +1,14 @@
 // The communicator of NCCL, under mpirun: its contract where each rank has a device of its own, and a divided solve;
 // its refusal where two ranks share one. Exit code 77: no device.
 
+#include "catalogue/catalogue.hpp"
 #include "core/base/error.hpp"
-#include "core/catalogue/catalogue.hpp"
-#include "core/slabs/slab_backend.hpp"
 #include "core/solve/solver.hpp"
 #include "cpu/cpu_backend.hpp"
 #include "kernels/cuda_backend.hpp"
 #include "kernels/nccl_communicator.hpp"
 #include "mpi/mpi_job.hpp"
+#include "ranks/slab_backend.hpp"
 #include "tests/support/communicator_contract.hpp"
 
 #include <algorithm>

@@ -1,7 +1,7 @@
 #pragma once
 // Contacts that cycles in w solve.
 
-#include "core/catalogue/catalogue.hpp"
+#include "catalogue/catalogue.hpp"
 #include "tests/support/reference.hpp"
 #include "tests/support/run.hpp"
 

@@ -1,6 +1,6 @@
 // Parts of a cycle of multigrid in time: kernels and weights of coarse grids, queued batches, stopping criteria.
 
-#include "core/catalogue/catalogue.hpp"
+#include "catalogue/catalogue.hpp"
 #include "core/iteration/functional_iteration.hpp"
 #include "core/kernel/discretise.hpp"
 #include "core/kernel/operators.hpp"

@@ -2,7 +2,7 @@
 
 #include "core/multigrid/multigrid.hpp"
 
-#include "core/catalogue/catalogue.hpp"
+#include "catalogue/catalogue.hpp"
 #include "core/kernel/discretise.hpp"
 #include "core/kernel/operators.hpp"
 #include "core/multigrid/smoothing.hpp"

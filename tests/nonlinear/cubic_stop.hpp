@@ -1,6 +1,6 @@
 #pragma once
 
-#include "core/nonlinear/nonlinear_scene.hpp"
+#include "nonlinear/nonlinear_scene.hpp"
 
 #include <cmath>
 

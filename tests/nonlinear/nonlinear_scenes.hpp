@@ -1,8 +1,8 @@
 #pragma once
 // What tests of nonlinear scenes share: a reference by Runge-Kutta, and a scene with an exact solution.
 
-#include "core/nonlinear/solve_nonlinear.hpp"
 #include "cpu/cpu_backend.hpp"
+#include "nonlinear/solve_nonlinear.hpp"
 
 #include <gtest/gtest.h>
 

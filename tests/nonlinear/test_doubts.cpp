@@ -1,10 +1,10 @@
 // Results on one grid: what is off by much is not called solved without a word. The oracle is Runge and Kutta's method
 // with steps of 1e-5, in which y is a function of x.
 
-#include "core/nonlinear/doubts.hpp"
+#include "nonlinear/doubts.hpp"
 
-#include "core/nonlinear/solve_nonlinear.hpp"
 #include "cpu/cpu_backend.hpp"
+#include "nonlinear/solve_nonlinear.hpp"
 #include "tests/nonlinear/cubic_stop.hpp"
 
 #include <gtest/gtest.h>

@@ -1,10 +1,10 @@
 // Batches of nonlinear complementarity problems, and the functional iteration that solves one a time point.
 
-#include "core/nonlinear/ncp_batch.hpp"
+#include "nonlinear/ncp_batch.hpp"
 
 #include "core/base/error.hpp"
-#include "core/nonlinear/solve_nonlinear.hpp"
 #include "cpu/cpu_backend.hpp"
+#include "nonlinear/solve_nonlinear.hpp"
 #include "tests/support/reference.hpp"
 
 #include <gtest/gtest.h>

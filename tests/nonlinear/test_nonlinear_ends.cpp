@@ -1,9 +1,9 @@
 // How solves of nonlinear systems end that find no solution, and options that they refuse.
 
-#include "core/nonlinear/solve_nonlinear.hpp"
+#include "nonlinear/solve_nonlinear.hpp"
 
+#include "catalogue/catalogue.hpp"
 #include "core/base/error.hpp"
-#include "core/catalogue/catalogue.hpp"
 #include "cpu/cpu_backend.hpp"
 #include "tests/nonlinear/cubic_stop.hpp"
 #include "tests/support/refusal.hpp"

@@ -1,11 +1,11 @@
 // Values of nonlinear solutions between the time points.
 
 #include "core/base/error.hpp"
-#include "core/nonlinear/nonlinear_output.hpp"
-#include "core/nonlinear/solve_nonlinear.hpp"
 #include "core/result/slack.hpp"
 #include "core/result/switching.hpp"
 #include "cpu/cpu_backend.hpp"
+#include "nonlinear/nonlinear_output.hpp"
+#include "nonlinear/solve_nonlinear.hpp"
 #include "tests/nonlinear/cubic_stop.hpp"
 #include "tests/nonlinear/nonlinear_scenes.hpp"
 

@@ -1,14 +1,14 @@
 // Nonlinear complementarity systems against linear scenes, exact solutions and Runge-Kutta references.
 
-#include "core/nonlinear/solve_nonlinear.hpp"
+#include "nonlinear/solve_nonlinear.hpp"
 
+#include "catalogue/catalogue.hpp"
 #include "core/base/error.hpp"
-#include "core/catalogue/catalogue.hpp"
-#include "core/nonlinear/nonlinear_output.hpp"
 #include "core/result/slack.hpp"
 #include "core/result/switching.hpp"
 #include "core/solve/solve.hpp"
 #include "cpu/cpu_backend.hpp"
+#include "nonlinear/nonlinear_output.hpp"
 #include "tests/nonlinear/cubic_stop.hpp"
 #include "tests/nonlinear/nonlinear_scenes.hpp"
 

@@ -1,6 +1,6 @@
 // Sources from tables of a grid against the functions that they were made from.
 
-#include "core/nonlinear/tabulated.hpp"
+#include "nonlinear/tabulated.hpp"
 
 #include <gtest/gtest.h>
 

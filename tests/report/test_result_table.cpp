@@ -1,5 +1,5 @@
+#include "catalogue/catalogue.hpp"
 #include "core/base/error.hpp"
-#include "core/catalogue/catalogue.hpp"
 #include "core/solve/solve.hpp"
 #include "cpu/cpu_backend.hpp"
 #include "report/result_table.hpp"

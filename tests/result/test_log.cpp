@@ -1,4 +1,4 @@
-#include "core/catalogue/catalogue.hpp"
+#include "catalogue/catalogue.hpp"
 #include "core/result/log.hpp"
 #include "core/solve/solve.hpp"
 #include "cpu/cpu_backend.hpp"

@@ -1,6 +1,6 @@
 // Switching times between grid points, against exact solutions.
 
-#include "core/catalogue/catalogue.hpp"
+#include "catalogue/catalogue.hpp"
 #include "core/result/switching.hpp"
 #include "core/solve/switch_errors.hpp"
 #include "tests/support/run.hpp"

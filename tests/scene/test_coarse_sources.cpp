@@ -3,7 +3,7 @@
 
 #include "core/scene/coarse_sources.hpp"
 
-#include "core/catalogue/catalogue.hpp"
+#include "catalogue/catalogue.hpp"
 #include "core/scene/separable.hpp"
 #include "tests/support/run.hpp"
 

@@ -1,6 +1,6 @@
 // Port-Hamiltonian structure, the scenes made from it, and the energy balance of trajectories.
 
-#include "core/catalogue/catalogue.hpp"
+#include "catalogue/catalogue.hpp"
 #include "core/goal/energy_balance.hpp"
 #include "core/goal/indicators.hpp"
 #include "tests/support/oracle.hpp"

@@ -2,7 +2,7 @@
 
 #include "core/shooting/located_shooting.hpp"
 
-#include "core/catalogue/catalogue.hpp"
+#include "catalogue/catalogue.hpp"
 #include "core/shooting/flow_derivative.hpp"
 #include "core/solve/dense_output.hpp"
 #include "core/solve/shooting_control.hpp"

@@ -1,7 +1,7 @@
 #pragma once
 // Cases of Solver, and the comparison of its results with those of solve().
 
-#include "core/catalogue/catalogue.hpp"
+#include "catalogue/catalogue.hpp"
 #include "core/solve/solve.hpp"
 
 #include <gtest/gtest.h>

@@ -2,8 +2,8 @@
 
 #include "core/solve/array_solver.hpp"
 
+#include "catalogue/catalogue.hpp"
 #include "core/base/error.hpp"
-#include "core/catalogue/catalogue.hpp"
 #include "core/seam/shared_memory.hpp"
 #include "core/solve/solve.hpp"
 #include "cpu/cpu_backend.hpp"

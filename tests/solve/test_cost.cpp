@@ -2,8 +2,8 @@
 
 #include "core/solve/cost.hpp"
 
+#include "catalogue/catalogue.hpp"
 #include "core/base/error.hpp"
-#include "core/catalogue/catalogue.hpp"
 #include "tests/support/backends.hpp"
 #include "tests/support/oracle.hpp"
 

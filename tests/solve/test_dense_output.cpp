@@ -1,8 +1,8 @@
 // A result between its time points: against the same function y on a finer grid, and against exact solutions.
 
+#include "catalogue/catalogue.hpp"
 #include "core/base/error.hpp"
 #include "core/base/interruption.hpp"
-#include "core/catalogue/catalogue.hpp"
 #include "core/result/slack.hpp"
 #include "core/solve/dense_output.hpp"
 #include "tests/support/refusal.hpp"

@@ -1,8 +1,8 @@
 // Error control: a solved result meets the tolerance, the estimate is close to the true error, and a tolerance out of
 // reach is reported.
 
+#include "catalogue/catalogue.hpp"
 #include "core/base/error.hpp"
-#include "core/catalogue/catalogue.hpp"
 #include "core/solve/cost.hpp"
 #include "core/solve/error_control.hpp"
 #include "tests/support/run.hpp"

@@ -1,6 +1,6 @@
 // Method events by name: fixed steps, scenes that it refuses, residual.
 
-#include "core/catalogue/catalogue.hpp"
+#include "catalogue/catalogue.hpp"
 #include "core/scene/relay.hpp"
 #include "tests/support/reference_backend.hpp"
 #include "tests/support/run.hpp"

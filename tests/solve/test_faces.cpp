@@ -1,7 +1,7 @@
 // Contact on a face of a box: Kronecker sums of three factors, stencils, shells of exponentials, the problem of a step,
 // and signorini3d by all methods.
 
-#include "core/catalogue/catalogue.hpp"
+#include "catalogue/catalogue.hpp"
 #include "core/dynamics/second_difference.hpp"
 #include "core/host/face_lcp.hpp"
 #include "core/kernel/recurrence.hpp"

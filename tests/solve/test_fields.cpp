@@ -1,8 +1,8 @@
 // Sparse dynamics with contact along a side, through whole solves: which methods refuse what, and bad input. 676 states
 // are above those written out as dense, 26 contacts with 1600 steps above those whose weights are tabulated.
 
+#include "catalogue/catalogue.hpp"
 #include "core/base/error.hpp"
-#include "core/catalogue/catalogue.hpp"
 #include "core/result/result.hpp"
 #include "core/solve/solve.hpp"
 #include "cpu/cpu_backend.hpp"

@@ -1,7 +1,7 @@
 // Solutions of coarser grids as the first iterates of finer ones, and the error that the sweeps leave.
 
+#include "catalogue/catalogue.hpp"
 #include "core/base/error.hpp"
-#include "core/catalogue/catalogue.hpp"
 #include "core/solve/error_control.hpp"
 #include "tests/support/true_error.hpp"
 

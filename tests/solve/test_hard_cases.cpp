@@ -1,7 +1,7 @@
 // Scenes at the limits of the engine: each ends with the right answer or a reason.
 
+#include "catalogue/catalogue.hpp"
 #include "core/base/error.hpp"
-#include "core/catalogue/catalogue.hpp"
 #include "tests/support/dense_twin.hpp"
 #include "tests/support/run.hpp"
 

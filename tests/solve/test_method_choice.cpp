@@ -1,6 +1,6 @@
 // The order in which `auto` tries the methods. `bench auto` measures the quality of the predictions.
 
-#include "core/catalogue/catalogue.hpp"
+#include "catalogue/catalogue.hpp"
 #include "core/solve/method_choice.hpp"
 #include "cpu/cpu_backend.hpp"
 #include "kernels/cuda_backend.hpp"

@@ -2,7 +2,7 @@
 
 #include "core/solve/pieces.hpp"
 
-#include "core/catalogue/catalogue.hpp"
+#include "catalogue/catalogue.hpp"
 #include "core/kernel/shared_dynamics.hpp"
 #include "core/scene/natural_units.hpp"
 #include "core/solve/solve.hpp"

@@ -1,7 +1,7 @@
 // Properties of any solver: causality, symmetry, scaling, states, and a correct status.
 
+#include "catalogue/catalogue.hpp"
 #include "core/base/error.hpp"
-#include "core/catalogue/catalogue.hpp"
 #include "tests/support/friction.hpp"
 #include "tests/support/oracle.hpp"
 #include "tests/support/run.hpp"

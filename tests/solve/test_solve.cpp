@@ -1,7 +1,7 @@
 // The solver against the dense oracle, against converged reference values and against exact solutions.
 
+#include "catalogue/catalogue.hpp"
 #include "core/base/timer.hpp"
-#include "core/catalogue/catalogue.hpp"
 #include "core/solve/solve.hpp"
 #include "cpu/cpu_backend.hpp"
 #include "tests/support/oracle.hpp"

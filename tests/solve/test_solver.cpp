@@ -2,8 +2,8 @@
 
 #include "core/solve/solver.hpp"
 
+#include "catalogue/catalogue.hpp"
 #include "core/base/error.hpp"
-#include "core/catalogue/catalogue.hpp"
 #include "cpu/cpu_backend.hpp"
 #include "kernels/cuda_backend.hpp"
 #include "tests/solve/solver_cases.hpp"

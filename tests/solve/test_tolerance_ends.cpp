@@ -1,7 +1,7 @@
 // What ends error control before the tolerance is met, and tolerances that are refused.
 
+#include "catalogue/catalogue.hpp"
 #include "core/base/error.hpp"
-#include "core/catalogue/catalogue.hpp"
 #include "core/solve/cost.hpp"
 #include "tests/support/changed_units.hpp"
 #include "tests/support/true_error.hpp"

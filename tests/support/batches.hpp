@@ -1,7 +1,7 @@
 #pragma once
 // Batches of small random scenes, and their comparison with single solves of the same scenes.
 
-#include "core/batch/batch.hpp"
+#include "batch/batch.hpp"
 #include "core/result/slack.hpp"
 #include "core/solve/solve.hpp"
 #include "cpu/cpu_backend.hpp"

@@ -1,9 +1,9 @@
 #include "tests/support/row_ranks.hpp"
 
 #include "core/base/error.hpp"
-#include "core/slabs/slab_array.hpp"
-#include "core/slabs/slab_backend.hpp"
-#include "core/slabs/slab_states.hpp"
+#include "ranks/slab_array.hpp"
+#include "ranks/slab_backend.hpp"
+#include "ranks/slab_states.hpp"
 #include "tests/support/forwarding_backend.hpp"
 #include "tests/support/reference_backend.hpp"
 

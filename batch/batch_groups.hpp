@@ -1,0 +1,27 @@
+#pragma once
+// Groups of scenes of a batch that share their dynamics and M.
+
+#include "../core/scene/natural_units.hpp"
+#include "batch.hpp"
+
+#include <vector>
+
+namespace bromwich {
+
+/// The scene from which sizes and times are taken.
+inline const Scene& first_of(const Batch& b) { return b.own.empty() ? b.common : b.own.front(); }
+/// J of a scene.
+inline Index steps_of(const Scene& scene, const Options& options) {
+  return options.steps > 0 ? options.steps : scene.default_steps;
+}
+
+inline bool same_units(const NaturalUnits& a, const NaturalUnits& b) { return a.x == b.x && a.y == b.y && a.w == b.w; }
+
+/// Some scene has A, B, N, M or E of its own.
+bool own_matrices(const Batch&);
+/// Some scene has f or g of its own.
+bool own_sources(const Batch&);
+/// Scenes that differ in x0, f and g at most, in lists.
+std::vector<std::vector<Index>> groups_of(const Batch&);
+
+}  // namespace bromwich

@@ -1,0 +1,85 @@
+#pragma once
+// One call of solve_batch: results of all scenes, filled group by group, in lanes where that is possible
+// (batch/lane_march.hpp), otherwise by single solves, several at once where that is allowed.
+
+#include "../core/base/first_touch.hpp"
+#include "../core/seam/scene_march.hpp"
+#include "batch.hpp"
+#include "lane_march.hpp"
+#include "side_by_side.hpp"
+#include "single_solves.hpp"
+
+#include <atomic>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <vector>
+
+namespace bromwich {
+
+class BatchRun {
+ public:
+  BatchRun(const Batch&, Backend&, const Options&, const MakeBackend& another);
+  /// `fill`: with rows of NaN for scenes that were not reached; otherwise y, w and x end with the last one that was.
+  BatchResult run(const std::function<void(const Progress&)>& progress, bool fill = true);
+
+  static constexpr double most_lane_bytes = 256e6;  ///< of the buffers of one thread
+
+ private:
+  static constexpr Index lanes = 8;
+  static constexpr Index groups_between_polls = 16;             ///< of lanes, for each thread
+  static constexpr Index steps_between_polls = Index(1) << 21;  ///< of all scenes, for each thread: about 0.1 s
+
+  // A scene and what its lane starts from.
+  struct Prepared {
+    Index scene;
+    LaneInput input;
+  };
+
+  Eigen::Block<RowMatrix> rows_of(RowMatrix& all, Index k) {
+    return all.block(k * rows_, 0, all.size() > 0 ? rows_ : 0, all.cols());
+  }
+  void say(Index more);
+  bool asked_to_stop();
+  Index scenes_between_polls() const;
+
+  bool for_lanes() const;
+  void take_lanes(const std::vector<Index>& group);
+  std::vector<NaturalUnits> units_of(const std::vector<Index>& group);
+  void march_group(const LanePlan&, const std::vector<Index>& group);
+  bool input_of(const LanePlan&, Index k, LaneInput&) const;
+  void take_own(const std::vector<Index>& scenes);
+  // Scenes for a device, in order, and their first rows.
+  struct DeviceStarts {
+    std::vector<Index> scenes;
+    RowMatrix x0, y0;
+    std::vector<char> found, other;
+  };
+  DeviceStarts starts_of(const LanePlan&, const Index* group, Index count, const Vector& g0,
+                         std::vector<Index>& rest) const;
+  std::vector<Index> march_on_device(const LanePlan&, const std::vector<Index>& group);
+  void download_rows(SceneMarch&, bool whole, RowMatrix& y, RowMatrix& x);
+  void keep_rows(const LanePlan&, Index k, Index i, bool whole, const RowMatrix& y, const RowMatrix& x);
+  Index march(const std::vector<Prepared>&);
+  Index march_range(LaneMarch&, const Prepared* first, Index count);
+  void keep(const LaneMarch&, Index lane, Index k, const LaneOutcome&);
+
+  void take_singly(const std::vector<Index>& scenes, bool shares);
+  bool may_be_side_by_side(const Scene&) const;
+  void settle(Index k, double residual, bool other_at_zero);
+
+  const Batch& batch_;
+  Backend& backend_;
+  Options options_;
+  Index J_, rows_, count_ = 0;  ///< rows_: of a scene in the result
+  bool own_sources_, stopped_ = false;
+  std::function<void(const Progress&)> progress_;
+  std::vector<char> done_;
+  BatchResult result_;
+  SingleSolves alone_;
+  const MakeBackend another_;
+  std::optional<SideBySide> side_by_side_;  ///< made when it is needed first
+  std::optional<FirstTouch> touch_;         ///< of y while a device works; ends before y is written
+};
+
+}  // namespace bromwich

@@ -1,0 +1,7 @@
+#include "batch/lane_run_of.hpp"
+
+namespace bromwich {
+
+template void run_lanes<simd::Lanes>(LaneState&);
+
+}  // namespace bromwich

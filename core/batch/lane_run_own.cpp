@@ -1,7 +1,0 @@
-#include "core/batch/lane_run_of.hpp"
-
-namespace bromwich {
-
-template void run_lanes<simd::Lanes>(LaneState&);
-
-}  // namespace bromwich

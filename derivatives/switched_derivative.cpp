@@ -1,0 +1,179 @@
+#include "derivatives/switched_derivative.hpp"
+
+#include "core/base/error.hpp"
+#include "core/base/text.hpp"
+#include "core/lcp/lcp_class.hpp"
+#include "core/scene/breakpoints.hpp"
+#include "core/solve/scaling.hpp"
+#include "derivatives/check_table.hpp"
+#include "derivatives/switched_tape.hpp"
+
+#include <Eigen/LU>
+
+#include <algorithm>
+#include <cmath>
+
+namespace bromwich {
+
+namespace {
+
+[[noreturn]] void not_defined(const std::string& found, const std::string& remedy) {
+  throw Error("derivative", found, remedy);
+}
+
+// The scene with dense dynamics and E = I.
+Scene without_mass(const Scene& given, Matrix& inverse) {
+  Scene scene = written_out(given);
+  const DenseDynamics& d = *scene.dynamics->small_state();
+  if (d.E.size() == 0) return scene;
+  const Eigen::FullPivLU<Matrix> lu(d.E);
+  if (!lu.isInvertible()) not_defined("E is singular", "eliminate the algebraic states");
+  inverse = lu.inverse();
+  const Matrix F = given.f ? Matrix(inverse * source_matrix(scene, d)) : Matrix();
+  DenseDynamics plain;
+  plain.A = inverse * d.A;
+  plain.B = inverse * d.B;
+  plain.N = d.N;
+  if (scene.f)
+    scene.f = [F, f = scene.f](double t, Eigen::Ref<Vector> v) {
+      Vector phi = Vector::Zero(F.cols());
+      f(t, phi);
+      v = F * phi;
+    };
+  scene.f_entry = SourceEntry::state;
+  scene.F = {};
+  scene.dynamics = plain;
+  return scene;
+}
+
+EventSolution located(const Scene& scene, double tolerance) {
+  EventOptions options;
+  options.tolerance = tolerance;
+  EventSolution s = integrate_with_events(scene, selection_class(scene.M, scene.lcp_class), scene.breakpoints, options);
+  if (!s.complete)
+    not_defined("not differentiable here: " + s.reason, "differentiate a scene whose switches can be located");
+  return s;
+}
+
+// Rows times 10^{rows[i]}, columns by 10^{-columns[k]}; `sign` = -1: the other way.
+template <class Table>
+void scale_by(Table& table, const std::vector<int>* rows, const std::vector<int>* columns, int sign) {
+  for (Index i = 0; i < table.rows(); ++i)
+    for (Index k = 0; k < table.cols(); ++k) {
+      const int up = rows ? (*rows)[std::size_t(i)] : 0, down = columns ? (*columns)[std::size_t(k)] : 0;
+      table(i, k) = times_ten_to(sign * (up - down), table(i, k));
+    }
+}
+
+}  // namespace
+
+SwitchedDerivative::~SwitchedDerivative() = default;
+SwitchedDerivative::SwitchedDerivative(SwitchedDerivative&&) noexcept = default;
+
+SwitchedDerivative::SwitchedDerivative(const Scene& given, const Vector& times, bool along_some, double tolerance)
+    : t_(times) {
+  given.validate();
+  if (const DenseDynamics* d = given.dynamics->small_state(); !d || given.boundary || !given.free_rows.empty())
+    not_defined("the scene has no small dense form, or a boundary condition, or free rows",
+                "differentiate a scene with dense matrices and an initial value");
+  const Index rows = t_.size();
+  bool good = rows >= 2 && t_[0] == 0 && std::abs(t_[rows - 1] - given.T) <= 1e-12 * given.T;
+  for (Index j = 1; j < rows; ++j) good = good && t_[j] > t_[j - 1];
+  if (!good) throw Error("times", "are not increasing from 0 to T", "give times from 0 to T");
+  Scene plain = without_mass(given, inverse_E_);
+  if (const std::string why = unsuited_to_events(plain); !why.empty())
+    not_defined("not differentiable here: " + why, "");
+  if (!plain.breakpoints_are_all && (plain.f || plain.g)) plain.breakpoints = find_breakpoints(plain);
+  plain.breakpoints_are_all = true;
+  units_ = natural_units(plain);
+  const Scene scene = in_natural_units(plain, units_);
+  const EventSolution s = located(scene, tolerance);
+  tape_ = std::make_unique<const SwitchedTape>(scene, s, t_, along_some);
+  margin_ = tape_->margin();
+  switch_times_ = tape_->switch_times();
+  one_sided_ = tape_->one_sided();
+  without_M_ = tape_->without_M();
+  only_along_ = tape_->only_along();
+  const Index m = given.states(), n = given.constraints();
+  values_ = {RowMatrix(rows, n), RowMatrix(rows, m), RowMatrix(rows, n), RowMatrix(rows, n)};
+  for (Index j = 0; j < rows; ++j) {
+    const bool left = j == rows - 1;
+    Vector g = Vector::Zero(n);
+    if (scene.g) scene.g(t_[j], g);
+    values_.y.row(j) = s.y(t_[j], left).transpose();
+    values_.x.row(j) = s.x(t_[j], left).transpose();
+    values_.integral.row(j) = s.integral_of_y(t_[j], left).transpose();
+    values_.w.row(j) = values_.x.row(j) * scene.dynamics->small_state()->N.transpose() +
+                       values_.y.row(j) * to_dense(scene.M).transpose() + g.transpose();
+  }
+  scale(values_);
+}
+
+// Of a solution: from natural units to those of the scene. Of weights: the other way.
+void SwitchedDerivative::scale(SolutionChange& s) const {
+  if (units_.trivial()) return;
+  scale_by(s.y, nullptr, &units_.y, -1);
+  scale_by(s.integral, nullptr, &units_.y, -1);
+  scale_by(s.x, nullptr, &units_.x, -1);
+  scale_by(s.w, nullptr, &units_.w, -1);
+}
+
+// Of a change: to natural units. Of a gradient: from these.
+void SwitchedDerivative::scale(DataChange& c) const {
+  if (units_.trivial()) return;
+  scale_by(c.x0, &units_.x, nullptr, -1);
+  scale_by(c.f, nullptr, &units_.x, 1);
+  scale_by(c.g, nullptr, &units_.w, 1);
+  scale_by(c.A, &units_.x, &units_.x, -1);
+  scale_by(c.E, &units_.x, &units_.x, -1);
+  scale_by(c.B, &units_.x, &units_.y, -1);
+  scale_by(c.N, &units_.w, &units_.x, -1);
+  scale_by(c.M, &units_.w, &units_.y, -1);
+}
+
+SolutionChange SwitchedDerivative::jvp(const DataChange& given) const { return jvp(given, {}); }
+
+SolutionChange SwitchedDerivative::jvp(const DataChange& given, const std::vector<MovingJump>& jumps) const {
+  const Index rows = t_.size(), m = values_.x.cols(), n = values_.y.cols();
+  check_no_b(given.b);
+  check_data(given, rows, m, n);
+  DataChange c = given;
+  if (c.E.size() > 0) c.E = -c.E;
+  if (inverse_E_.size() > 0) {
+    for (Matrix* change : {&c.A, &c.B, &c.E})
+      if (change->size() > 0) *change = inverse_E_ * *change;
+    if (c.f.size() > 0) c.f = c.f * inverse_E_.transpose();
+  }
+  scale(c);
+  SolutionChange out = tape_->jvp(c, jumps);
+  scale(out);
+  return out;
+}
+
+DataChange SwitchedDerivative::vjp(const SolutionChange& given) const {
+  const Index rows = t_.size(), m = values_.x.cols(), n = values_.y.cols();
+  check_table("y", given.y, rows, n);
+  check_table("x", given.x, rows, m);
+  check_table("w", given.w, rows, n);
+  check_table("integral", given.integral, rows, n);
+  if (tape_->conditioned().all())
+    not_defined("not differentiable here: " + only_along_, "ask for jvp along other changes");
+  for (const Index j : one_sided_)
+    for (const RowMatrix* table : {&given.y, &given.x, &given.w})
+      if (table->size() > 0 && (table->row(j).array() != 0).any())
+        not_defined(text("not differentiable here: t = %.6g is at a switch", t_[j]), "ask for other times");
+  SolutionChange of = given;
+  scale(of);
+  DataChange bar = tape_->vjp(of);
+  scale(bar);
+  if (inverse_E_.size() > 0) {
+    const Matrix back = inverse_E_.transpose();
+    for (Matrix* gradient : {&bar.A, &bar.B, &bar.E})
+      if (gradient->size() > 0) *gradient = back * *gradient;
+    if (bar.f.size() > 0) bar.f = bar.f * inverse_E_;
+  }
+  bar.E = -bar.E;
+  return bar;
+}
+
+}  // namespace bromwich
