@@ -21,6 +21,7 @@ target_precompile_headers(bromwich_oracle REUSE_FROM bromwich_words)
 add_library(
   bromwich_engineering STATIC
   ${PROJECT_SOURCE_DIR}/tests/support/engineering_scene.cpp ${PROJECT_SOURCE_DIR}/tests/support/engineering_trial.cpp
-  ${PROJECT_SOURCE_DIR}/tests/support/lemke.cpp ${PROJECT_SOURCE_DIR}/tests/support/random_circuits.cpp
-  ${PROJECT_SOURCE_DIR}/tests/support/random_machines.cpp ${PROJECT_SOURCE_DIR}/tests/support/switched_flow.cpp)
+  ${PROJECT_SOURCE_DIR}/tests/support/flow_base.cpp ${PROJECT_SOURCE_DIR}/tests/support/lemke.cpp
+  ${PROJECT_SOURCE_DIR}/tests/support/random_circuits.cpp ${PROJECT_SOURCE_DIR}/tests/support/random_machines.cpp
+  ${PROJECT_SOURCE_DIR}/tests/support/stepped_flow.cpp ${PROJECT_SOURCE_DIR}/tests/support/switched_flow.cpp)
 target_link_libraries(bromwich_engineering PUBLIC bromwich::files bromwich::core PRIVATE bromwich_build_options)

@@ -11,14 +11,15 @@
 
 namespace bromwich::oracle {
 
-/// The oracle's answer: the flow with short steps, and what one with longer steps says of it.
+/// The oracle's answer: two of four flows that agree, one with held bases and three with stages of different lengths.
 struct KnownFlow {
   Flow flow;
   bool decided = false;
   std::string reason;
   double doubt = 0;  ///< distance of the two
 };
-/// From x0 up to T. Undecided if the two answers are further apart than `doubt`.
+/// From x0 up to T. Undecided if no flow with stages is nearer than `doubt` to the one with held bases, or to the one
+/// with longer stages.
 KnownFlow known_flow(const EngineeringScene&, const Vector& x0, double T, double doubt);
 
 struct EngineeringTrial {

@@ -1,50 +1,20 @@
 #include "tests/support/switched_flow.hpp"
 
-#include "tests/support/lemke.hpp"
-
-#include <Eigen/Dense>
+#include "tests/support/flow_base.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <map>
 #include <memory>
-#include <numbers>
 #include <utility>
 
 namespace bromwich::oracle {
 namespace {
 
 const double root6 = std::sqrt(6.0);
-const double radau_nodes[3] = {(4 - root6) / 10, (4 + root6) / 10, 1};
 const double radau_weights[3][3] = {{(88 - 7 * root6) / 360, (296 - 169 * root6) / 1800, (-2 + 3 * root6) / 225},
                                     {(296 + 169 * root6) / 1800, (88 + 7 * root6) / 360, (-2 - 3 * root6) / 225},
                                     {(16 - root6) / 36, (16 + root6) / 36, 1.0 / 9}};
-
-/// LU of a matrix whose rows and columns have sizes of many decades.
-class ScaledLu {
- public:
-  explicit ScaledLu(Matrix K) : rows_(Vector::Ones(K.rows())), columns_(rows_) {
-    for (int sweep = 0; sweep < 8; ++sweep) {
-      for (Index i = 0; i < K.rows(); ++i) {
-        const double size = K.row(i).cwiseAbs().maxCoeff(), r = size > 0 ? 1 / std::sqrt(size) : 1;
-        K.row(i) *= r, rows_[i] *= r;
-      }
-      for (Index i = 0; i < K.rows(); ++i) {
-        const double size = K.col(i).cwiseAbs().maxCoeff(), c = size > 0 ? 1 / std::sqrt(size) : 1;
-        K.col(i) *= c, columns_[i] *= c;
-      }
-    }
-    lu_.compute(K);
-  }
-  Vector solve(const Vector& b) const {
-    const Vector scaled = rows_.asDiagonal() * b, z = lu_.solve(scaled);
-    return columns_.asDiagonal() * z;
-  }
-
- private:
-  Vector rows_, columns_;
-  Eigen::PartialPivLU<Matrix> lu_;
-};
 
 struct Step {
   Matrix x, y;  ///< m x 3, n x 3 at the stages
@@ -69,74 +39,13 @@ Matrix with_start(const Vector& x, const Matrix& stages) {
   return all;
 }
 
-class FlowMaker {
+class FlowMaker : public FlowBase {
  public:
   FlowMaker(const EngineeringScene& s, const FlowSteps& steps, const Vector& x0, double T)
-      : s_(s), steps_(steps), m_(s.states()), n_(s.constraints()), x_(x0) {
-    flow_.T = T;
-    unit_ = T;
-    for (const TimeSignal& signal : s.signals) {
-      if (signal.kind == TimeSignal::Kind::sine && signal.a != 0)
-        unit_ = std::min(unit_, 2 * std::numbers::pi / std::abs(signal.a));
-      if (signal.kind == TimeSignal::Kind::pulse) unit_ = std::min(unit_, signal.b);
-    }
-    flow_.largest = x0.cwiseAbs();
-    sizes_w_ = Vector::Zero(n_), sizes_y_ = Vector::Zero(n_);
-    for (Index i = 0; i < m_; ++i) {
-      const double reach = s.weight[i] * s.F.row(i).cwiseAbs().sum() * std::min(unit_, 1 / std::abs(s.A(i, i)));
-      flow_.driven = std::max(flow_.driven, reach);
-    }
-    for (Index j = 0; j < n_; ++j) {  // g moves N x
-      const double seen = s.N.row(j).transpose().cwiseQuotient(s.weight).cwiseAbs().maxCoeff();
-      if (seen > 0) flow_.driven = std::max(flow_.driven, s.G.row(j).cwiseAbs().sum() / seen);
-    }
-    // Diodes side by side share their current in any way: a resistance a billion times smaller than what else limits
-    // y lets them share it in one way.
-    M_ = s.M;
-    const Vector moved = unit_ * s.N.cwiseAbs().cwiseProduct(s.B.cwiseAbs().transpose()).rowwise().sum();
-    M_.diagonal() += steps.resistance * moved.cwiseMax(s.M.diagonal().cwiseMax(0));
-    make_edges();
-  }
-
-  Flow run() {
-    flow_.decided = true;
-    for (std::size_t k = 0; k + 1 < edges_.size() && flow_.decided; ++k) piece(edges_[k], edges_[k + 1]);
-    return std::move(flow_);
-  }
+      : FlowBase(s, x0, T, 0), steps_(steps), sizes_w_(Vector::Zero(n_)), sizes_y_(sizes_w_) {}
 
  private:
-  void make_edges() {
-    std::vector<double> all{0, flow_.T};
-    for (const TimeSignal& signal : s_.signals) {
-      if (signal.kind == TimeSignal::Kind::step) all.push_back(signal.a);
-      if (signal.kind != TimeSignal::Kind::pulse) continue;
-      for (double k = std::floor(-signal.a / signal.b) - 1; signal.a + k * signal.b < flow_.T; ++k)
-        for (const double t : {signal.a + k * signal.b, signal.a + k * signal.b + signal.c}) all.push_back(t);
-    }
-    std::sort(all.begin(), all.end());
-    for (const double t : all) {  // edges that differ by rounding are one
-      if (t < 0 || t > flow_.T) continue;
-      if (edges_.empty() || t - edges_.back() > 1e-10 * unit_) edges_.push_back(t);
-    }
-    if (flow_.T - edges_.back() < 1e-10 * unit_) edges_.back() = flow_.T;
-  }
-
-  Vector signals(double t) const {
-    Vector v(Index(s_.signals.size()));
-    for (Index i = 0; i < v.size(); ++i) {
-      const TimeSignal& signal = s_.signals[std::size_t(i)];
-      v[i] = signal.value(signal.kind == TimeSignal::Kind::sine ? t : middle_);
-    }
-    return v;
-  }
-
-  void undecided(const std::string& reason, double t) {
-    flow_.decided = false;
-    flow_.reason = reason + " at t = " + std::to_string(t);
-  }
-
-  void piece(double begin, double end) {
-    middle_ = 0.5 * (begin + end);
+  void piece(double begin, double end) override {
     const double shortest = std::min(steps_.crossing * unit_, 0.02 * (end - begin));
     double t = begin, h = shortest;
     bool cross = true;
@@ -183,17 +92,6 @@ class FlowMaker {
     if (error < steps_.error / 100 || ++kept_ >= 8) h *= 2, kept_ = 0;
   }
 
-  double size_of(const Vector& change) const {
-    const Vector large = s_.weight.cwiseProduct(flow_.largest);
-    const double least = 1e-3 * std::max(large.maxCoeff(), flow_.driven);
-    double size = 0;
-    for (Index i = 0; i < m_; ++i) {
-      const double scale = std::max(large[i], least);
-      if (scale > 0) size = std::max(size, std::abs(change[i]) * s_.weight[i] / scale);
-    }
-    return size;
-  }
-
   void keep(double t, double h, const Step& step) {
     flow_.pieces.push_back({t, h, with_start(x_, step.x)});
     x_ = step.x.col(2);
@@ -202,25 +100,17 @@ class FlowMaker {
   }
 
   bool euler(double t, double h) {
-    Matrix I = Matrix::Identity(m_, m_) - h * s_.A;
-    const ScaledLu lu(I);
-    const Vector u = signals(t + h), moved = x_ + h * (s_.F * u), free = lu.solve(moved);
-    Matrix gain(m_, n_);
-    for (Index j = 0; j < n_; ++j) gain.col(j) = lu.solve(Vector(h * s_.B.col(j)));
-    const Matrix M = M_ + s_.N * gain;
-    const Vector q = s_.N * free + s_.G * u;
-    const auto basis = complementary_basis(M, q);
-    if (!basis) return false;
-    basis_ = *basis;
+    basis_.clear();  // the last one is what failed
+    const auto made = stage(x_.cast<long double>(), t + h, h);
+    if (!made) return false;
+    const Vector after = made->x.cast<double>();
     set_.clear();
     for (Index i = 0; i < n_; ++i)
       if (basis_[std::size_t(i)] != 0) set_.push_back(i);
-    const Vector y = basic_solution(M, q, basis_).cwiseMax(0);
     Matrix all(m_, 4);
-    const Vector x1 = free + gain * y;
-    for (Index k = 0; k < 4; ++k) all.col(k) = k == 0 ? x_ : Vector(x_ + radau_nodes[k - 1] * (x1 - x_));
+    for (Index k = 0; k < 4; ++k) all.col(k) = k == 0 ? x_ : Vector(x_ + radau_nodes[k - 1] * (after - x_));
     flow_.pieces.push_back({t, h, std::move(all)});
-    x_ = x1;
+    x_ = after;
     flow_.largest = flow_.largest.cwiseMax(x_.cwiseAbs());
     return x_.allFinite();
   }
@@ -278,18 +168,11 @@ class FlowMaker {
     return made;
   }
 
-  const EngineeringScene& s_;
   FlowSteps steps_;
-  Index m_, n_;
-  Matrix M_;
-  Vector x_, sizes_w_, sizes_y_;
-  double unit_ = 0, middle_ = 0;
+  Vector sizes_w_, sizes_y_;
   int kept_ = 0;  ///< steps of this length
-  std::vector<double> edges_;
-  std::vector<char> basis_;
   std::vector<Index> set_;
   std::map<std::pair<std::vector<char>, double>, std::unique_ptr<ScaledLu>> cache_;
-  Flow flow_;
 };
 
 }  // namespace

@@ -2,8 +2,8 @@
 // The solution of an engineering scene, by a method that shares no code with the solver: Radau IIA of order 5 with the
 // complementary basis held while y and w keep their signs, steps halved towards a change of sign, and two short steps
 // of implicit Euler over it and over every edge of a source, whose problems Lemke's method solves. The basis of the
-// last one is held from there on. Jumps of the state come from the same short steps. Two runs with different steps tell
-// what the oracle does not know.
+// last one is held from there on. Jumps of the state come from the same short steps. stepped_flow is
+// the second opinion.
 
 #include "tests/support/engineering_scene.hpp"
 
@@ -16,8 +16,6 @@ struct FlowSteps {
   double error = 1e-9;        ///< of a step, relative to the largest values so far
   double crossing = 2e-7;     ///< length of the short steps, relative to T or the shortest time of a source
   double longest = 1.0 / 60;  ///< step, relative to the same: y may dip below zero between stages
-  double resistance = 0;      ///< added to the diagonal of M, relative to what else limits y: a flow that a small one
-                              ///< moves is not determined by the scene
   long most = 300000;         ///< steps after which the flow is undecided
 };
 
@@ -27,8 +25,8 @@ struct Flow {
     Matrix nodes;  ///< m x 4: x at t and at the stages
   };
   bool decided = false;
-  std::string reason;  ///< why it is undecided
-  double T = 0;
+  std::string reason;      ///< why it is undecided
+  double T = 0, unit = 0;  ///< end, and the shortest time of a source
   long events = 0, steps = 0;
   Vector largest;     ///< of every component of x
   double driven = 0;  ///< what the sources can move a state to within their shortest time, by weight

@@ -3,6 +3,7 @@
 
 #include "tests/support/engineering_trial.hpp"
 #include "tests/support/run.hpp"
+#include "tests/support/stepped_flow.hpp"
 
 #include <gtest/gtest.h>
 #include <Eigen/Dense>
@@ -46,12 +47,19 @@ EngineeringScene oblique_impact() {
 
 // Steps err by 1e-9, about thousand of them add up to 1e-6 at most; short steps by the square of their length.
 constexpr double oracle_error = 1e-6;
+// Those of stepped_flow by 1e-9 as well, but they are ten times as many, of second order, all of one sign.
+constexpr double steps_error = 1e-5;
 
 TEST(SwitchedFlow, StickAndSlipOnABelt) {  // by an exact flow with located events and by time stepping
   const Flow flow = switched_flow(mass_on_belt());
   ASSERT_TRUE(flow.decided) << flow.reason;
   EXPECT_NEAR(flow.end()[0], 0.3934447744, oracle_error);
   EXPECT_NEAR(flow.end()[1], 0.3, oracle_error);
+  const EngineeringScene s = mass_on_belt();
+  const Flow steps = stepped_flow(s, s.x0, s.T);
+  ASSERT_TRUE(steps.decided) << steps.reason;
+  EXPECT_NEAR(steps.end()[0], 0.3934447744, steps_error);
+  EXPECT_NEAR(steps.end()[1], 0.3, steps_error);
 }
 
 TEST(SwitchedFlow, ImpactWithFriction) {
@@ -59,6 +67,10 @@ TEST(SwitchedFlow, ImpactWithFriction) {
   ASSERT_TRUE(flow.decided) << flow.reason;
   const Vector known{{-0.3086956522, 0, -0.1739130435, 0}};
   EXPECT_LT((flow.end() - known).cwiseAbs().maxCoeff(), oracle_error);
+  const EngineeringScene s = oblique_impact();
+  const Flow steps = stepped_flow(s, s.x0, s.T);
+  ASSERT_TRUE(steps.decided) << steps.reason;
+  EXPECT_LT((steps.end() - known).cwiseAbs().maxCoeff(), steps_error);
 }
 
 void expect_no_wrong(EngineeringScene (*make)(std::uint32_t), std::uint32_t count) {
