@@ -149,11 +149,12 @@ ResultDerivative of_result(const Scene& scene, const Result& result, Backend& ba
                           {.located = located, .times = may_be ? fine_times(rows, neighbours, scene) : Vector()});
 }
 
-// Whether the gradient has all members that change. That with located switches has no b, E0 and ET.
+// Whether the gradient has all members that change.
 bool has_gradient(const DataChange& gradient, const DataChange& change) {
   const auto has = [&](auto member) { return (change.*member).size() == 0 || (gradient.*member).size() > 0; };
   return has(&DataChange::x0) && has(&DataChange::f) && has(&DataChange::g) && has(&DataChange::A) &&
-         has(&DataChange::B) && has(&DataChange::N) && has(&DataChange::M) && has(&DataChange::E);
+         has(&DataChange::B) && has(&DataChange::N) && has(&DataChange::M) && has(&DataChange::E) &&
+         has(&DataChange::b) && has(&DataChange::E0) && has(&DataChange::ET);
 }
 
 // sum + c value, of tables that may be empty.

@@ -63,6 +63,27 @@ void differ(Vector& value, const Vector& other, double factor) {
   value = value.size() == other.size() ? Vector(factor * (value - other).cwiseAbs()) : Vector();
 }
 
+// The second where the first is refused; where both are, the refusal of the first.
+template <class First, class Second>
+void first_of(const First& first, const Second& second) {
+  try {
+    first();
+  } catch (const Error& refusal) {
+    if (refusal.argument() != "derivative") throw;
+    try {
+      second();
+    } catch (const Error&) {
+      throw refusal;
+    }
+  }
+}
+
+// Near x(0) of the solution that the result is of.
+Vector start_of(const Scene& scene, const Result& r) {
+  if (!scene.boundary || r.start.size() > 0) return r.start;
+  return r.x.cols() == scene.states() && r.x.rows() > 0 ? Vector(r.x.row(0).transpose()) : Vector();
+}
+
 // Of the grid of a result by shooting.
 Result by_galerkin(const Scene& scene, Backend& backend, const Result& result) {
   Options options;
@@ -74,8 +95,8 @@ Result by_galerkin(const Scene& scene, Backend& backend, const Result& result) {
 }  // namespace
 
 bool ResultDerivative::may_be_located(const Scene& scene) {
-  return !scene.boundary && scene.free_rows.empty() && scene.dynamics->small_state() &&
-         scene.states() <= largest_located_states && scene.constraints() <= largest_located_constraints;
+  return scene.free_rows.empty() && scene.dynamics->small_state() && scene.states() <= largest_located_states &&
+         scene.constraints() <= largest_located_constraints;
 }
 
 const char* to_string(DerivativeForm form) {
@@ -99,35 +120,29 @@ ResultDerivative::ResultDerivative(const Scene& scene, const Result& result, Bac
     : scene_(scene), t_(result.t) {
   const bool solved = result.status == Status::solved, all_times = choice.all_times;
   const bool jumps = solved && (y_may_jump(result) || result.method == Method::events);
-  if (scene.boundary && !all_times && !choice.located.value_or(false)) {
+  const auto by_boundary_values = [&] {
     galerkin_.emplace(scene, result.method == Method::shooting ? by_galerkin(scene, backend, result) : result);
     form_ = DerivativeForm::boundary;
-    return;
-  }
+  };
   const auto locate = [&] {
-    switched_.emplace(scene, choice.times.size() > 0 ? choice.times : result.t, true);
+    switched_.emplace(scene, choice.times.size() > 0 ? choice.times : result.t, true,
+                      SwitchedDerivative::usual_tolerance, start_of(scene, result));
     form_ = DerivativeForm::located;
     t_ = switched_->times();
   };
-  if (choice.located.value_or(jumps && !all_times)) {
+  const auto continuous = [&] { make_continuous(result, backend, all_times); };
+  const bool may_choose = solved && !choice.located && !all_times && may_be_located(scene);
+  const bool values_at_both_ends = scene.boundary && !all_times;
+  if (choice.located.value_or(jumps && !values_at_both_ends && !all_times)) {
     if (!solved) throw Error("derivative", "the result is not solved", "differentiate a result with status solved");
     if (all_times) throw Error("located", "is given together with all_times", "leave one of them out");
     locate();
-    return;
-  }
-  if (all_times) {
-    make_continuous(result, backend, true);
-    return;
-  }
-  try {
-    make_continuous(result, backend, false);
-  } catch (const Error& refusal) {
-    if (!solved || choice.located || refusal.argument() != "derivative" || !may_be_located(scene)) throw;
-    try {
-      locate();
-    } catch (const Error&) {
-      throw refusal;
-    }
+  } else if (values_at_both_ends && may_choose && result.method == Method::shooting) {
+    first_of(locate, by_boundary_values);
+  } else if (values_at_both_ends) {
+    may_choose ? first_of(by_boundary_values, locate) : by_boundary_values();
+  } else {
+    may_choose ? first_of(continuous, locate) : continuous();
   }
 }
 
@@ -194,7 +209,7 @@ DerivativeError::DerivativeError(const Scene& scene, const Result& result, Backe
                                  const ResultDerivative& derivative)
     : derivative_(derivative) {
   if (derivative.located())
-    coarser_.emplace(scene, derivative.times(), true, coarser_tolerance);
+    coarser_.emplace(scene, derivative.times(), true, coarser_tolerance, derivative.switched()->start());
   else
     finer_.emplace(scene, with_half_the_step(scene, result, backend), backend,
                    DerivativeChoice{.located = false, .all_times = derivative.form() == DerivativeForm::all_times});

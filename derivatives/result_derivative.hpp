@@ -21,8 +21,8 @@ const char* to_string(DerivativeForm);
 
 /// Which derivative to take, where several fit.
 struct DerivativeChoice {
-  /// With located switches, or without. Not given: where y may jump, and where the derivative of the discrete solution
-  /// is refused and the scene is small enough.
+  /// With located switches, or without. Not given: where y may jump or method shooting has located them, and where the
+  /// derivative of the discrete solution is refused and the scene is small enough.
   std::optional<bool> located = {};
   Vector times = {};       ///< of the rows where switches are located; empty: the time points of the result
   bool all_times = false;  ///< over all time points on the backend, for dense dynamics too
@@ -31,7 +31,7 @@ struct DerivativeChoice {
 class ResultDerivative {
  public:
   static constexpr Index largest_written_out = 1000;  ///< states of scenes whose A, B, N and E are data
-  /// Whether switches can be located: dense and small, with an initial value.
+  /// Whether switches can be located: dense and small.
   static bool may_be_located(const Scene&);
 
   /// Throws Error as the derivatives do; where several were tried, that of the first. The backend has to outlive this

@@ -4,6 +4,8 @@
 #include "core/base/text.hpp"
 #include "core/lcp/lcp_class.hpp"
 #include "core/scene/breakpoints.hpp"
+#include "core/shooting/flow_derivative.hpp"
+#include "core/shooting/located_shooting.hpp"
 #include "core/solve/scaling.hpp"
 #include "derivatives/check_table.hpp"
 #include "derivatives/switched_tape.hpp"
@@ -70,24 +72,34 @@ void scale_by(Table& table, const std::vector<int>* rows, const std::vector<int>
 SwitchedDerivative::~SwitchedDerivative() = default;
 SwitchedDerivative::SwitchedDerivative(SwitchedDerivative&&) noexcept = default;
 
-SwitchedDerivative::SwitchedDerivative(const Scene& given, const Vector& times, bool along_some, double tolerance)
+SwitchedDerivative::SwitchedDerivative(const Scene& given, const Vector& times, bool along_some, double tolerance,
+                                       const Vector& start)
     : t_(times) {
   given.validate();
-  if (const DenseDynamics* d = given.dynamics->small_state(); !d || given.boundary || !given.free_rows.empty())
-    not_defined("the scene has no small dense form, or a boundary condition, or free rows",
-                "differentiate a scene with dense matrices and an initial value");
+  if (const DenseDynamics* d = given.dynamics->small_state(); !d || !given.free_rows.empty())
+    not_defined("the scene has no small dense form, or free rows", "differentiate a scene with dense matrices");
   const Index rows = t_.size();
   bool good = rows >= 2 && t_[0] == 0 && std::abs(t_[rows - 1] - given.T) <= 1e-12 * given.T;
   for (Index j = 1; j < rows; ++j) good = good && t_[j] > t_[j - 1];
   if (!good) throw Error("times", "are not increasing from 0 to T", "give times from 0 to T");
   Scene plain = without_mass(given, inverse_E_);
-  if (const std::string why = unsuited_to_events(plain); !why.empty())
+  Scene started = plain;
+  started.boundary.reset();
+  if (const std::string why = unsuited_to_events(started); !why.empty())
     not_defined("not differentiable here: " + why, "");
   if (!plain.breakpoints_are_all && (plain.f || plain.g)) plain.breakpoints = find_breakpoints(plain);
   plain.breakpoints_are_all = true;
   units_ = natural_units(plain);
-  const Scene scene = in_natural_units(plain, units_);
+  Scene scene = in_natural_units(plain, units_);
+  if (scene.boundary) find_start(scene, tolerance, start);
   const EventSolution s = located(scene, tolerance);
+  if (ends_) {
+    ends_->last = s.x(scene.T, true);
+    ends_->closing.compute(ends_->condition.E0 + ends_->condition.ET * FlowDerivative(scene).at_end(s));
+    if (!ends_->closing.isInvertible())
+      not_defined("not differentiable here: the boundary condition does not determine the change of x(0)",
+                  "change the data slightly");
+  }
   tape_ = std::make_unique<const SwitchedTape>(scene, s, t_, along_some);
   margin_ = tape_->margin();
   switch_times_ = tape_->switch_times();
@@ -107,6 +119,23 @@ SwitchedDerivative::SwitchedDerivative(const Scene& given, const Vector& times, 
                        values_.y.row(j) * to_dense(scene.M).transpose() + g.transpose();
   }
   scale(values_);
+}
+
+// In place of the boundary condition: x(0).
+void SwitchedDerivative::find_start(Scene& scene, double tolerance, const Vector& start) {
+  ShootingOptions options;
+  options.events.tolerance = tolerance;
+  options.start = start;
+  if (!units_.trivial()) scale_by(options.start, &units_.x, nullptr, -1);
+  const ShootingSolution s =
+      shoot_on_events(scene, selection_class(scene.M, scene.lcp_class), scene.breakpoints, options);
+  if (!s.found)
+    not_defined("not differentiable here: " + s.reason, "differentiate a scene that method shooting solves");
+  ends_ = Ends{*scene.boundary, s.x0, {}, {}};
+  scene.boundary.reset();
+  scene.x0 = s.x0;
+  start_ = s.x0;
+  if (!units_.trivial()) scale_by(start_, &units_.x, nullptr, 1);
 }
 
 // Of a solution: from natural units to those of the scene. Of weights: the other way.
@@ -129,14 +158,19 @@ void SwitchedDerivative::scale(DataChange& c) const {
   scale_by(c.B, &units_.x, &units_.y, -1);
   scale_by(c.N, &units_.w, &units_.x, -1);
   scale_by(c.M, &units_.w, &units_.y, -1);
+  scale_by(c.b, &units_.boundary, nullptr, -1);
+  scale_by(c.E0, &units_.boundary, &units_.x, -1);
+  scale_by(c.ET, &units_.boundary, &units_.x, -1);
 }
 
 SolutionChange SwitchedDerivative::jvp(const DataChange& given) const { return jvp(given, {}); }
 
 SolutionChange SwitchedDerivative::jvp(const DataChange& given, const std::vector<MovingJump>& jumps) const {
   const Index rows = t_.size(), m = values_.x.cols(), n = values_.y.cols();
-  check_no_b(given.b);
+  if (!ends_) check_no_b(given.b);
+  if (ends_) check_no_x0(given.x0);
   check_data(given, rows, m, n);
+  check_table("b", given.b, m, 1), check_table("E0", given.E0, m, m), check_table("ET", given.ET, m, m);
   DataChange c = given;
   if (c.E.size() > 0) c.E = -c.E;
   if (inverse_E_.size() > 0) {
@@ -145,9 +179,33 @@ SolutionChange SwitchedDerivative::jvp(const DataChange& given, const std::vecto
     if (c.f.size() > 0) c.f = c.f * inverse_E_.transpose();
   }
   scale(c);
+  if (ends_) c.x0 = change_of_start(c, jumps);
   SolutionChange out = tape_->jvp(c, jumps);
   scale(out);
   return out;
+}
+
+Vector SwitchedDerivative::change_of_start(const DataChange& c, const std::vector<MovingJump>& jumps) const {
+  // What has to stay zero does so with the change of x(0) alone.
+  const RowMatrix held = tape_->jvp(c, jumps, SwitchedTape::Zeros::may_move).x;
+  Vector right = -ends_->condition.ET * held.bottomRows(1).transpose();
+  if (c.b.size() > 0) right += c.b;
+  if (c.E0.size() > 0) right -= c.E0 * ends_->first;
+  if (c.ET.size() > 0) right -= c.ET * ends_->last;
+  return ends_->closing.solve(right);
+}
+
+// Of weights, and of those that x(0) has with x(0) held.
+DataChange SwitchedDerivative::with_ends(SolutionChange of, const Vector& of_start) const {
+  const Vector multiplier = ends_->closing.transpose().solve(of_start);
+  if (of.x.size() == 0) of.x = RowMatrix::Zero(values_.x.rows(), values_.x.cols());
+  of.x.bottomRows(1) -= multiplier.transpose() * ends_->condition.ET;
+  DataChange bar = tape_->vjp(of);
+  bar.x0.resize(0);
+  bar.b = multiplier;
+  bar.E0 = -multiplier * ends_->first.transpose();
+  bar.ET = -multiplier * ends_->last.transpose();
+  return bar;
 }
 
 DataChange SwitchedDerivative::vjp(const SolutionChange& given) const {
@@ -156,7 +214,7 @@ DataChange SwitchedDerivative::vjp(const SolutionChange& given) const {
   check_table("x", given.x, rows, m);
   check_table("w", given.w, rows, n);
   check_table("integral", given.integral, rows, n);
-  if (tape_->conditioned().all())
+  if (tape_->conditioned().all() || (ends_ && !only_along_.empty()))
     not_defined("not differentiable here: " + only_along_, "ask for jvp along other changes");
   for (const Index j : one_sided_)
     for (const RowMatrix* table : {&given.y, &given.x, &given.w})
@@ -165,6 +223,7 @@ DataChange SwitchedDerivative::vjp(const SolutionChange& given) const {
   SolutionChange of = given;
   scale(of);
   DataChange bar = tape_->vjp(of);
+  if (ends_) bar = with_ends(of, bar.x0);
   scale(bar);
   if (inverse_E_.size() > 0) {
     const Matrix back = inverse_E_.transpose();

@@ -218,7 +218,8 @@ void SwitchedTape::pass(const Switch& s, const Part* before, const Sources& of_b
   }
   if (before) {
     terms_of_x += std::abs(dt) * (s.rate_before.cwiseAbs() + s.rate_after.cwiseAbs());
-    check_conditions(s, true, piece_of(*before), before->from + before->width, of_before, z.x, terms_of_x, dt);
+    if (z.zeros == Zeros::stay)
+      check_conditions(s, true, piece_of(*before), before->from + before->width, of_before, z.x, terms_of_x, dt);
     z.x += dt * s.rate_before;
     z.integral += dt * s.y_before;
   }
@@ -238,7 +239,7 @@ void SwitchedTape::pass(const Switch& s, const Part* before, const Sources& of_b
     z.integral -= dt * s.y_after;
   }
   if (z.largest.size() > 0) z.largest = z.largest.cwiseMax(terms_of_x);
-  check_conditions(s, false, piece_of(after), after.from, of_after, z.x, terms_of_x, dt);
+  if (z.zeros == Zeros::stay) check_conditions(s, false, piece_of(after), after.from, of_after, z.x, terms_of_x, dt);
 }
 
 // The changes of the times at which parts begin.
@@ -302,13 +303,13 @@ void SwitchedTape::read(Index row, const Part& part, double at, const SolutionCh
   add_values(u, piece_of(part), at, of);
 }
 
-SolutionChange SwitchedTape::jvp(const DataChange& c, const std::vector<MovingJump>& jumps) const {
+SolutionChange SwitchedTape::jvp(const DataChange& c, const std::vector<MovingJump>& jumps, Zeros zeros) const {
   check_structure(c);
   const std::vector<double> moved = moved_parts(jumps);
   const Index rows = t_.size();
   SolutionChange out{RowMatrix::Zero(rows, n_), RowMatrix::Zero(rows, m_), RowMatrix::Zero(rows, n_),
                      RowMatrix::Zero(rows, n_)};
-  State z{c.x0.size() > 0 ? c.x0 : Vector::Zero(m_), Vector::Zero(n_), {}};
+  State z{c.x0.size() > 0 ? c.x0 : Vector::Zero(m_), Vector::Zero(n_), {}, zeros};
   if (!only_along_.empty()) z.largest = z.x.cwiseAbs();
   const Part* before = nullptr;
   Sources last = no_sources();
@@ -325,9 +326,9 @@ SolutionChange SwitchedTape::jvp(const DataChange& c, const std::vector<MovingJu
     }
     project(part, s, z);
     for (Index row = part.first_row; row <= part.row; ++row) write(row, part, part.from, z, s, out);
-    check_rest(part, 0, s, z);
+    if (zeros == Zeros::stay) check_rest(part, 0, s, z);
     advance(part, s, z);
-    check_rest(part, 1, s, z);
+    if (zeros == Zeros::stay) check_rest(part, 1, s, z);
     before = &part;
     last = s;
   }

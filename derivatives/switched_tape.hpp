@@ -38,7 +38,9 @@ class SwitchedTape {
   /// Those that only_along is about; vjp leaves them out.
   const ConditionedData& conditioned() const { return conditioned_; }
 
-  SolutionChange jvp(const DataChange&, const std::vector<MovingJump>& = {}) const;
+  /// may_move: no error where something that has to stay zero does not.
+  enum class Zeros : char { stay, may_move };
+  SolutionChange jvp(const DataChange&, const std::vector<MovingJump>& = {}, Zeros = Zeros::stay) const;
   DataChange vjp(const SolutionChange&) const;
 
  private:
@@ -99,6 +101,7 @@ class SwitchedTape {
   struct State {
     Vector x, integral;
     Vector largest;  ///< what x_i of a change is made of, up to here; empty where nothing has to stay zero
+    Zeros zeros = Zeros::stay;
   };
   // Of the constraints S that are zero together: with v of `right` y + v solves the same problem and moves no state,
   // and u of `left` is not in any w_S. Both n x k.

@@ -7,6 +7,7 @@
 #include "tests/support/oracle.hpp"
 
 #include <gtest/gtest.h>
+#include <Eigen/LU>
 
 #include <algorithm>
 #include <cmath>
@@ -165,10 +166,9 @@ struct Followed {
   int idle = 0;           // intervals without current up to the last one
 };
 
-// (x, integral of the diode current, 1) at increasing times.
-Followed follow(const Converter& c, Parameters p, const Vector& times) {
+// (x, integral of the diode current, 1) at increasing times, up to `end`.
+Followed follow(const Converter& c, Parameters p, const Vector& x0, const Vector& times, double end = T) {
   const Modes modes = c.modes(p);
-  const Vector x0 = c.scene(p).x0;
   Vector z(x0.size() + 2);
   z << x0, 0, 1;
   const auto current = [&](const Vector& at) { return modes.diode.dot(at.head(x0.size())); };
@@ -182,12 +182,12 @@ Followed follow(const Converter& c, Parameters p, const Vector& times) {
     z = (oracle::exponential(Matrix(*mode * (to - t))) * z).eval();
     t = to;
   };
-  for (int period = 0; period < 3; ++period) {
+  for (int period = 0; period + first_edge < end; ++period) {
     advance(period + first_edge);
     mode = &modes.on;
     advance(period + p["off"]);
     mode = &modes.off;
-    const double until = std::min(T, period + 1 + first_edge);
+    const double until = std::min(end, period + 1 + first_edge);
     const auto after = [&](double to) { return current(oracle::exponential(Matrix(modes.off * (to - t))) * z); };
     double low = t, high = until;
     if (after(until) < 0) {
@@ -213,7 +213,7 @@ TEST_P(DiscontinuousConduction, HasDerivativesByEveryParameter) {
   const Scene scene = c.scene(c.given);
   const Result result = solve(scene, *backend, options);
   ASSERT_EQ(result.status, Status::solved) << result.reason;
-  const Followed at = follow(c, c.given, result.t);
+  const Followed at = follow(c, c.given, scene.x0, result.t);
   ASSERT_EQ(at.idle, 3) << "the coil carries no current at the end of each period";
   const Index m = scene.states(), last = result.t.size() - 1;
   for (const auto& [name, value] : c.given) {
@@ -228,7 +228,8 @@ TEST_P(DiscontinuousConduction, HasDerivativesByEveryParameter) {
     const SolutionChange change = d.jvp(0);
     // Second differences err by step^2 or 1e-10 of the values; data that are linear between rows by 1e-7.
     const double step = 1e-5 * value;
-    const Followed up = follow(c, with(value + step), result.t), down = follow(c, with(value - step), result.t);
+    const Followed up = follow(c, with(value + step), scene.x0, result.t),
+                   down = follow(c, with(value - step), scene.x0, result.t);
     double size = 1e-3 / value;
     for (Index j = 0; j <= last; ++j)
       size = std::max(size, ((up.z[std::size_t(j)] - down.z[std::size_t(j)]) / (2 * step)).cwiseAbs().maxCoeff());
@@ -242,6 +243,69 @@ TEST_P(DiscontinuousConduction, HasDerivativesByEveryParameter) {
     of.x = RowMatrix::Zero(last + 1, m);
     of.x(last, m - 1) = 1;
     EXPECT_NEAR(d.vjp(of)[0], change.x(last, m - 1), 1e-12 * size) << "the gradient";
+  }
+}
+
+// The same over one period that repeats. A has a zero mode where the coil is ideal, which its diode fixes.
+Scene repeated(Scene s, double off) {
+  const Index m = s.states();
+  s.T = 1;
+  s.x0.resize(0);
+  s.boundary = BoundaryCondition{Matrix::Identity(m, m), -Matrix::Identity(m, m), Vector::Zero(m)};
+  s.breakpoints = {first_edge, off};
+  return s;
+}
+
+Vector after_period(const Converter& c, const Parameters& p, const Vector& x0) {
+  return follow(c, p, x0, Vector{{1}}, 1).z.front().head(x0.size());
+}
+
+// Column k by x0_k, by central differences.
+Matrix differences(const Converter& c, const Parameters& p, const Vector& x0) {
+  constexpr double step = 1e-5;
+  Matrix D(x0.size(), x0.size());
+  for (Index k = 0; k < x0.size(); ++k) {
+    const Vector by = step * Vector::Unit(x0.size(), k);
+    D.col(k) = (after_period(c, p, x0 + by) - after_period(c, p, x0 - by)) / (2 * step);
+  }
+  return D;
+}
+
+TEST_P(DiscontinuousConduction, HasPeriodicStatesWithDerivatives) {
+  const Converter& c = GetParam();
+  const auto backend = make_cpu_backend(1);
+  Options options;
+  options.steps = 20;
+  options.states = StateSelection::all;
+  options.method = Method::shooting;
+  const Scene scene = repeated(c.scene(c.given), c.given.at("off"));
+  const Result result = solve(scene, *backend, options);
+  ASSERT_EQ(result.status, Status::solved) << result.reason;
+  const Vector x0 = result.x.row(0).transpose();
+  EXPECT_LE((after_period(c, c.given, x0) - x0).cwiseAbs().maxCoeff(), 1e-8);
+  const Index m = scene.states();
+  const Matrix open = Matrix::Identity(m, m) - differences(c, c.given, x0);
+  for (const auto& [name, value] : c.given) {
+    SCOPED_TRACE(c.name + " by " + name);
+    const auto with = [&](double v) {
+      Parameters p = c.given;
+      p[name] = v;
+      return p;
+    };
+    const VariedParameter by{name, value,
+                             [&](double v) { return ParameterScene{repeated(c.scene(with(v)), with(v)["off"])}; }};
+    const ParameterDerivative d(scene, result, *backend, {by});
+    const double step = 1e-5 * value;
+    const Vector moved =
+        (after_period(c, with(value + step), x0) - after_period(c, with(value - step), x0)) / (2 * step);
+    const Vector expected = open.partialPivLu().solve(moved);
+    // As above; what differences err by grows with the periods that it takes to settle, about a hundred.
+    const double size = std::max(1e-3 / value, expected.cwiseAbs().maxCoeff());
+    EXPECT_LE((d.jvp(0).x.row(0).transpose() - expected).cwiseAbs().maxCoeff(), 1e-6 * size);
+    SolutionChange of;
+    of.x = RowMatrix::Zero(result.t.size(), m);
+    of.x(0, m - 1) = 1;
+    EXPECT_NEAR(d.vjp(of)[0], d.jvp(0).x(0, m - 1), 1e-10 * size) << "the gradient";
   }
 }
 
