@@ -5,6 +5,7 @@
 #include "core/base/text.hpp"
 #include "core/result/estimated_quantity.hpp"
 #include "core/solve/dense_output.hpp"
+#include "nonlinear/adapted_nonlinear.hpp"
 #include "nonlinear/divided_step.hpp"
 #include "nonlinear/frozen_windows.hpp"
 
@@ -41,9 +42,6 @@ class Sampling {
         h_(scene.linear.T / double(J_)) {}
 
   SeenRow at(double t) {
-    const double T = scene_.linear.T;
-    if (!(t >= 0) || !(t <= T * (1 + epsilon)))
-      throw Error("times", text("found %.17g", t), text("give times from 0 to T = %.17g", T));
     const double place = t / h_, nearest = std::round(place);
     if (std::abs(place - nearest) <= same_point) return row(Index(nearest));
     const Index j = std::min(Index(place), J_ - 1);
@@ -127,10 +125,43 @@ class Sampling {
   Result carried_;                 ///< likewise
 };
 
+// Steps of their own lengths: they are marched once more, with rows at these times. NaN where that fails.
+NonlinearResult by_own_steps(const NonlinearScene& scene, Backend& backend, const NonlinearResult& result,
+                             const std::vector<double>& times) {
+  const double T = scene.linear.T;
+  std::vector<double> rows = times;
+  rows.insert(rows.end(), {0.0, T});
+  for (double& t : rows) t = std::min(t, T);
+  std::sort(rows.begin(), rows.end());
+  rows.erase(std::unique(rows.begin(), rows.end()), rows.end());
+  NonlinearOptions options;
+  options.error = result.own_error;
+  options.steps = result.t.size() - 1;
+  const NonlinearScene stated = in_states(scene);
+  const auto fine = march_nonlinear_to_tolerance(stated, divisions_of(stated.linear), backend, options,
+                                                 Eigen::Map<const Vector>(rows.data(), Index(rows.size())));
+  NonlinearResult sampled = result;
+  sampled.t = Eigen::Map<const Vector>(times.data(), Index(times.size()));
+  sampled.y_integral.resize(0, 0);
+  const auto take = [&](const RowMatrix* from, RowMatrix& to) {
+    to = RowMatrix::Constant(sampled.t.size(), to.cols(), std::nan(""));
+    for (Index k = 0; from && k < sampled.t.size(); ++k)
+      to.row(k) = from->row(std::lower_bound(rows.begin(), rows.end(), std::min(sampled.t[k], T)) - rows.begin());
+  };
+  take(fine ? &fine->x : nullptr, sampled.x);
+  take(fine ? &fine->y : nullptr, sampled.y);
+  take(fine ? &fine->w : nullptr, sampled.w);
+  return sampled;
+}
+
 }  // namespace
 
 NonlinearResult nonlinear_at(const NonlinearScene& scene, Backend& backend, const NonlinearResult& result,
                              const std::vector<double>& times) {
+  for (const double t : times)
+    if (!(t >= 0) || !(t <= scene.linear.T * (1 + epsilon)))
+      throw Error("times", text("found %.17g", t), text("give times from 0 to T = %.17g", scene.linear.T));
+  if (result.own_error > 0) return by_own_steps(scene, backend, result, times);
   const Index count = Index(times.size()), n = scene.linear.constraints();
   NonlinearResult sampled = result;
   sampled.t = Eigen::Map<const Vector>(times.data(), count);
@@ -177,6 +208,7 @@ Result as_result(const NonlinearScene& scene, const NonlinearResult& given) {
     if (scene.linear.g) scene.linear.g(given.t[j], g);
     r.trace.row(j) -= (multiply(scene.linear.M, given.y.row(j).transpose()) + g).transpose();
   }
+  r.y_integral = given.y_integral;
   r.continuous = given.continuous;
   r.residual = given.residual;
   r.error_estimate = given.error_estimate;

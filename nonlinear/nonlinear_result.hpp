@@ -16,8 +16,10 @@ struct NonlinearResult {
   Vector t;                  ///< J+1
   RowMatrix x, y, w;         ///< (J+1) x m, n, n; NaN after the last valid time. y row 0: of the problem at t = 0
   RowMatrix trace;  ///< (J+1) x n, v = N x, in place of x for NonlinearScene::of_trace of scenes that are not dense
-  bool continuous = true;  ///< y is linear between its rows; otherwise it may jump from step to step (Radau IIA)
-  double residual = 0;     ///< max |min(y, w)| / max(1, |w - M y|) at the time points
+  RowMatrix y_integral = {};  ///< (J+1) x n, of steps of their own lengths (adapted_nonlinear.hpp); otherwise empty
+  double own_error = 0;       ///< the tolerance that these were made for; 0: others
+  bool continuous = true;     ///< y is linear between its rows; otherwise it may jump from step to step (Radau IIA)
+  double residual = 0;        ///< max |min(y, w)| / max(1, |w - M y|) at the time points
   /// Of x and y, of its mean over [0, t] where y may jump: with NonlinearOptions::error, and where half the step was
   /// solved to confirm a result.
   std::optional<double> error_estimate;

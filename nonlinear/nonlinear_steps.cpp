@@ -206,9 +206,9 @@ struct NonlinearSteps::Equations {
   std::string why = {};        ///< a value is not finite
 };
 
-NonlinearSteps::Equations NonlinearSteps::equations(Index j, const Vector& X, const Vector& Y, const Vector& known,
-                                                    const std::vector<Vector>& g_at) const {
-  const Index nodes = Index(step_.nodes.size()), m = X.size() / nodes, n = Y.size() / nodes;
+NonlinearSteps::Equations NonlinearSteps::equations(const StepData& step, const Vector& X, const Vector& Y,
+                                                    const Vector& known) const {
+  const Index nodes = Index(step.times.size()), m = X.size() / nodes, n = Y.size() / nodes;
   Equations e{X - known,
               Vector(nodes * n),
               Vector(nodes * n),
@@ -217,7 +217,8 @@ NonlinearSteps::Equations NonlinearSteps::equations(Index j, const Vector& X, co
               Matrix::Zero(nodes * n, nodes * m),
               Matrix::Zero(nodes * n, nodes * n)};
   for (Index k = 0; k < nodes; ++k) {
-    const double t = k + 1 == nodes ? time(j) : time(j - 1) + step_.nodes[std::size_t(k)] * h_;
+    const double t = step.times[std::size_t(k)];
+    const Vector& g = step.g[std::size_t(k)];
     const Vector x_k = X.segment(k * m, m), y_k = Y.segment(k * n, n);
     const Linearization phi = linearize(scene_->phi, scene_->dphi, m, t, x_k, y_k);
     const Linearization gamma = linearize(scene_->gamma, scene_->dgamma, n, t, x_k, y_k);
@@ -227,14 +228,14 @@ NonlinearSteps::Equations NonlinearSteps::equations(Index j, const Vector& X, co
     const Vector F = B_ * y_k + phi.value;
     const Matrix F_y = B_ + phi.by_y;
     for (Index i = 0; i < nodes; ++i) {
-      const Matrix& W = step_.weights[std::size_t(i)][std::size_t(k)];
+      const Matrix& W = step.rule.weights[std::size_t(i)][std::size_t(k)];
       e.R.segment(i * m, m) -= W * F;
       e.by_x.block(i * m, k * m, m, m) -= W * phi.by_x;
       e.by_y.block(i * m, k * n, m, n) -= W * F_y;
     }
-    e.w.segment(k * n, n) = N_ * x_k + M_ * y_k + g_at[std::size_t(k)] + gamma.value;
+    e.w.segment(k * n, n) = N_ * x_k + M_ * y_k + g + gamma.value;
     e.terms.segment(k * n, n) =
-        N_.cwiseAbs() * x_k.cwiseAbs() + M_.cwiseAbs() * y_k + g_at[std::size_t(k)].cwiseAbs() + gamma.value.cwiseAbs();
+        N_.cwiseAbs() * x_k.cwiseAbs() + M_.cwiseAbs() * y_k + g.cwiseAbs() + gamma.value.cwiseAbs();
     e.of_w.block(k * n, k * m, n, m) = N_ + gamma.by_x;
     e.M.block(k * n, k * n, n, n) = M_ + gamma.by_y;
   }
@@ -242,25 +243,33 @@ NonlinearSteps::Equations NonlinearSteps::equations(Index j, const Vector& X, co
 }
 
 NewtonOutcome NonlinearSteps::take(Index j, Vector& x, Vector& y) {
-  const Index m = x.size(), n = y.size(), nodes = Index(step_.nodes.size());
-  const double t0 = time(j - 1);
+  const Index nodes = Index(step_.nodes.size());
+  StepData step{step_, time(j - 1), {}, Vector(nodes * x.size()), {}};
+  for (Index i = 0; i < nodes; ++i) {
+    step.times.push_back(i + 1 == nodes ? time(j) : step.begin + step_.nodes[std::size_t(i)] * h_);
+    step.increments.segment(i * x.size(), x.size()) = increments_.row((j - 1) * nodes + i).transpose();
+    step.g.push_back(g(step.begin + step_.nodes[std::size_t(i)] * h_));
+  }
+  Vector Y;
+  return take(step, x, y, Y);
+}
+
+NewtonOutcome NonlinearSteps::take(const StepData& step, Vector& x, Vector& y, Vector& Y) {
+  const Index m = x.size(), n = y.size(), nodes = Index(step.times.size());
   size_x_ = std::max(size_x_, largest(x));
   size_y_ = std::max(size_y_, largest(y));
   NewtonOutcome outcome;
-  const Vector left = total_source(t0, x, y);
+  const Vector left = total_source(step.begin, x, y);
   outcome.nonfinite = !left.allFinite();
   if (outcome.nonfinite) return outcome.why = "phi is not finite where it begins", outcome;
-  Vector X = x.replicate(nodes, 1), Y = y.replicate(nodes, 1), known(nodes * m);
-  std::vector<Vector> g_at;
-  for (Index i = 0; i < nodes; ++i) {
-    known.segment(i * m, m) = step_.propagators[std::size_t(i)] * x + step_.left[std::size_t(i)] * left +
-                              increments_.row((j - 1) * nodes + i).transpose();
-    g_at.push_back(g(t0 + step_.nodes[std::size_t(i)] * h_));
-  }
+  Vector X = x.replicate(nodes, 1), known = step.increments;
+  Y = y.replicate(nodes, 1);
+  for (Index i = 0; i < nodes; ++i)
+    known.segment(i * m, m) += step.rule.propagators[std::size_t(i)] * x + step.rule.left[std::size_t(i)] * left;
   Descent descent;
   for (double before = INFINITY; outcome.iterations < most_newton_; before = outcome.change) {
     ++outcome.iterations;
-    const Equations e = equations(j, X, Y, known, g_at);
+    const Equations e = equations(step, X, Y, known);
     if (!e.why.empty()) return outcome.why = e.why, outcome;
     if (descent.turned_back(outcome.iterations, e.w, X, Y)) continue;
     const Eigen::PartialPivLU<Matrix> lu(e.by_x);

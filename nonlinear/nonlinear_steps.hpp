@@ -28,6 +28,15 @@ struct NewtonOutcome {
   bool nonfinite = false;  ///< phi or gamma is not finite where the step begins
 };
 
+/// What the linear part does in one step: its matrices, ∫ e^{(c_i h - s) A} f ds of all nodes (nodes m), and g there.
+struct StepData {
+  const ExponentialStep& rule;
+  double begin;
+  std::vector<double> times;  ///< of the nodes
+  Vector increments;
+  std::vector<Vector> g;
+};
+
 class NonlinearSteps {
  public:
   /// J steps. The linear part of the sources is integrated by the engine of linear scenes.
@@ -37,6 +46,8 @@ class NonlinearSteps {
   NewtonOutcome y_at(Index j, const Vector& x, Vector& y) const;
   /// From x, y at t_{j-1} to those at t_j.
   NewtonOutcome take(Index j, Vector& x, Vector& y);
+  /// Over any step. `Y`: y at all nodes.
+  NewtonOutcome take(const StepData&, Vector& x, Vector& y, Vector& Y);
 
   /// The residual of the equation of x for x and y at t_{j-1} and t_j; rule linear.
   Vector defect(Index j, const Vector& x0, const Vector& y0, const Vector& x1, const Vector& y1) const;
@@ -60,8 +71,7 @@ class NonlinearSteps {
  private:
   /// The equations of a step, linearized at (X, Y): R, w and their derivatives.
   struct Equations;
-  Equations equations(Index j, const Vector& X, const Vector& Y, const Vector& known,
-                      const std::vector<Vector>& g_at) const;
+  Equations equations(const StepData&, const Vector& X, const Vector& Y, const Vector& known) const;
   bool solve_lcp(const Matrix& M, const Matrix& of_y, const Vector& q, Vector& y) const;
 
   const NonlinearScene* scene_;

@@ -4,6 +4,7 @@
 #include "core/base/error.hpp"
 #include "core/base/text.hpp"
 #include "core/scene/coarse_sources.hpp"
+#include "nonlinear/adapted_nonlinear.hpp"
 #include "nonlinear/divided_step.hpp"
 #include "nonlinear/doubts.hpp"
 #include "nonlinear/nonlinear_run.hpp"
@@ -73,6 +74,7 @@ double apart_in_y(const NonlinearResult& coarse, const NonlinearResult& fine) {
 // wanted, say that the error is reached.
 NonlinearResult refine(const NonlinearScene& scene, const Scene& given, const std::vector<double>& breaks,
                        Backend& backend, NonlinearOptions options) {
+  if (auto adapted = march_nonlinear_to_tolerance(scene, breaks, backend, options)) return std::move(*adapted);
   if (options.steps == 0) options.steps = scene.linear.default_steps;
   NonlinearResult coarse;
   std::optional<double> before;

@@ -10,6 +10,8 @@
 
 namespace bromwich {
 
+inline constexpr double shortest_part = 0x1p-16;  ///< of the longest one: breakpoints are moved to multiples
+
 struct Part {
   Index step = 0;             ///< of the result, from row step - 1 to row step
   double begin = 0, end = 0;  ///< within the step, 0 .. 1
@@ -22,7 +24,8 @@ struct Part {
 std::array<Part, 2> halves(const Part&);
 
 /// Increasing in time. `t`: rows of the result with equal steps; `breakpoints`: increasing; each step has `division`
-/// parts or more.
-std::vector<Part> divide(const Vector& t, const std::vector<double>& breakpoints, Index division);
+/// parts or more. `marks`: more times, increasing, at which a part ends.
+std::vector<Part> divide(const Vector& t, const std::vector<double>& breakpoints, Index division,
+                         const std::vector<double>& marks = {});
 
 }  // namespace bromwich

@@ -10,6 +10,7 @@
 #include "core/scene/breakpoints.hpp"
 #include "core/scene/mass_matrix.hpp"
 #include "core/scene/port_hamiltonian.hpp"
+#include "core/solve/adapted_march.hpp"
 #include "core/solve/located_values.hpp"
 #include "core/solve/mixed.hpp"
 #include "core/solve/shooting_control.hpp"
@@ -298,6 +299,30 @@ bool sample_located(const Scene& scene, const Result& result, const std::vector<
   return true;
 }
 
+// Method march under a tolerance: it is marched once more, with rows at these times. NaN where that fails.
+void sample_own_steps(const Scene& given, const Result& result, Result& sampled) {
+  std::vector<double> rows(sampled.t.begin(), sampled.t.end());
+  rows.insert(rows.end(), {0.0, given.T});
+  for (double& t : rows) t = std::min(t, given.T);
+  std::sort(rows.begin(), rows.end());
+  rows.erase(std::unique(rows.begin(), rows.end()), rows.end());
+  InnerOptions options;
+  options.tolerance = result.errors->tolerance;
+  options.states = StateSelection::list;
+  options.components = result.x_components;
+  options.trace = sampled.trace.cols() > 0;
+  const Scene scene = with_all_breakpoints(given);
+  const auto fine = march_to_tolerance(scene, options, result.steps, result,
+                                       Eigen::Map<const Vector>(rows.data(), Index(rows.size())));
+  sampled.y.setConstant(NAN);
+  for (Index k = 0; fine && k < sampled.t.size(); ++k) {
+    const Index row = std::lower_bound(rows.begin(), rows.end(), std::min(sampled.t[k], scene.T)) - rows.begin();
+    sampled.y.row(k) = fine->y.row(row);
+    sampled.x.row(k) = fine->x.row(row);
+    if (options.trace) sampled.trace.row(k) = fine->trace.row(row);
+  }
+}
+
 // The scene without free rows, from a result of all rows: x follows from y of the others, y itself is linear in all.
 Result at_times(const Scene& scene, const EliminatedScene& eliminated, Backend& backend, const Result& result,
                 const std::vector<double>& times) {
@@ -343,7 +368,7 @@ Result at_times(const Scene& scene, Backend& backend, const Result& result, cons
   if (result.goal) throw Error("result", "is of method goal", "its time points are the answer");
   if (result.method == Method::shooting) return of_start(scene, backend, result, times);
   // solve() takes care of the form of the scene where its steps are solved again.
-  const bool reduces = result.method == Method::events || !by_steps(scene, result);
+  const bool reduces = result.method == Method::events || !by_steps(scene, result) || has_own_steps(result);
   if (auto sampled = reduces ? of_simpler_scene(scene, backend, result, times) : std::nullopt) return *sampled;
   std::vector<Place> places;
   for (const double t : times) places.push_back(place(result, scene.T, t));
@@ -354,7 +379,9 @@ Result at_times(const Scene& scene, Backend& backend, const Result& result, cons
   sampled.x = RowMatrix::Constant(count, Index(result.x_components.size()), NAN);
   sampled.trace = RowMatrix::Constant(count, result.trace.cols(), NAN);
   sampled.y_integral.resize(0, 0);
-  if (result.y_left.size() > 0) {
+  if (has_own_steps(result) && !on_grid(places)) {
+    sample_own_steps(scene, result, sampled);
+  } else if (result.y_left.size() > 0) {
     sample_intervals(scene, backend, result, sampled);
     sampled.y_left.resize(0, 0);
   } else if (!sample_located(scene, result, places, sampled)) {

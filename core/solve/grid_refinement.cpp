@@ -1,11 +1,12 @@
 #include "core/solve/grid_refinement.hpp"
 
+#include "core/adapted/radau_steps.hpp"
 #include "core/base/error.hpp"
 #include "core/base/interruption.hpp"
 #include "core/base/text.hpp"
+#include "core/solve/adapted_march.hpp"
 #include "core/solve/beside_march.hpp"
 #include "core/solve/methods.hpp"
-#include "core/solve/pieces.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -18,9 +19,8 @@ constexpr double algebraic_share = 0.1;       ///< of a grid's discretisation er
 constexpr int most_repeats = 3;               ///< of a grid, for that
 constexpr double least_change = 1e-13;        ///< of y, at which sweeps end: rounding
 constexpr Index fewest_steps = 16;            ///< of a first grid of our choice
+constexpr double most_growth = 1e3;           ///< of perturbations, above which all grids measure their rounding
 constexpr Index patience_with_failures = 16;  ///< times the scene's steps: below, a failure is put down to the grid
-constexpr double fewest_halvings_for_pieces = 4;
-constexpr double worth_of_pieces = 4;  ///< times fewer steps than a uniform grid, at least
 
 // As many steps as breakpoints, at least: with fewer, grids may look at all periods of a source in the same phases.
 Index first_grid(const Scene& scene, const Options& options) {
@@ -113,7 +113,7 @@ Result GridRefinement::refine() {
          solved_->error_estimate ? text("about %.2e", *solved_->error_estimate).c_str() : "not known yet",
          goal_.smallest());
     if (end) return ended(*end);
-    if (std::optional<Result> pieces = by_pieces()) return std::move(*pieces);
+    if (std::optional<Result> adapted = on_tree()) return std::move(*adapted);
   }
 }
 
@@ -128,35 +128,25 @@ std::string GridRefinement::spent(Index J) const {
   return "";
 }
 
-std::optional<Result> GridRefinement::by_pieces() {
+std::optional<Result> GridRefinement::on_tree() {
   const bool march = options_.method == Method::march || options_.method == Method::automatic;
-  if (tried_pieces_ || !march || solved_->method != Method::march || solved_->steps < expected_) return std::nullopt;
-  if (!solved_->continuous || solved_->jumps_inside || convergence_->of_integral()) return std::nullopt;
-  const auto halvings = [](const GridDifferences& d, double goal) {
-    return d.confirmed() ? d.halvings_to(accepted * goal) : 0;
-  };
-  const double needed = std::max(goal_.y > 0 ? halvings(convergence_->controlled(), goal_.y) : 0,
-                                 controls_states() ? halvings(convergence_->states(), goal_.x) : 0);
-  if (needed < fewest_halvings_for_pieces) return std::nullopt;
-  tried_pieces_ = true;
-  if (!unsuited_to_pieces(scene_).empty()) return std::nullopt;
-  PieceGoal goal{goal_.y, controls_states() ? goal_.x : 0, sizes_};
-  const double uniform = double(solved_->steps) * std::exp2(std::min(needed, 40.0));
-  goal.most_steps = Index(std::min(double(options_.max_steps), uniform / worth_of_pieces));
-  if (options_.max_seconds > 0) goal.most_seconds = std::max(options_.max_seconds - elapsed_, 1e-3) / 2;
-  std::optional<Result> result = refine_pieces(scene_, backend_, options_, solve_, expected_, goal);
-  const double spent = clock_.lap();
-  elapsed_ += spent;
-  if (!result) {
-    note(options_.log, LogLevel::info, "grids of pieces do not meet the tolerance with fewer steps");
+  if (tried_tree_ || !march || solved_->method != Method::march) return std::nullopt;
+  if (solved_->starts_with_impulse || solved_->magnification > most_growth) return std::nullopt;
+  tried_tree_ = true;
+  if (const std::string why = unsuited_to_radau_steps(scene_); !why.empty()) {
+    note(options_.log, LogLevel::debug, "equal steps: %s", why.c_str());
     return std::nullopt;
   }
+  std::optional<Result> result = march_to_tolerance(scene_, options_, expected_, *solved_);
+  const double spent = clock_.lap();
+  elapsed_ += spent;
+  if (!result) return std::nullopt;
   ErrorEstimate& e = *result->errors;
   e.grids.insert(e.grids.begin(), grids_.begin(), grids_.end());
   e.estimates.insert(e.estimates.begin(), estimates_.begin(), estimates_.end());
-  result->seconds = result->seconds + spent_;
-  note(options_.log, LogLevel::info, "solved on a grid of pieces: %ld steps, error about %.2e", long(e.grids.back()),
-       *result->error_estimate);
+  result->seconds = spent_;
+  result->seconds.solve += spent;
+  result->seconds.total += spent;
   return result;
 }
 

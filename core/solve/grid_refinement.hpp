@@ -33,8 +33,8 @@ class GridRefinement {
   Result refine();
   /// Which budget a grid of J steps would exceed; empty: none.
   std::string spent(Index J) const;
-  /// Steps of their own for parts of the time, once, where halving all of them would take many grids more.
-  std::optional<Result> by_pieces();
+  /// Method march with steps of their own for all parts of the time, once.
+  std::optional<Result> on_tree();
   void add_grid(Index J) {
     grids_.push_back(J);
     estimates_.push_back(NAN);
@@ -102,7 +102,7 @@ class GridRefinement {
   std::vector<double> estimates_;           ///< of grids_
   std::optional<Result> solved_, failed_;   ///< the last grid of each kind; failed_ only if it is the last of all
   std::optional<Convergence> convergence_;  ///< of the grids that the method of solved_ has solved
-  bool tried_pieces_ = false;
+  bool tried_tree_ = false;
   bool tried_reference_;
   std::optional<EventReference> reference_;
   bool unchecked_ = false;                 ///< the grid that checks the last one could not

@@ -81,5 +81,43 @@ TEST(NonlinearRows, WhereYJumps) {
   EXPECT_NEAR(rows.y(1, 0), 1, 1e-9);
 }
 
+// x' = -x^2 + y from 2 until x = 1/2, where y = 1/4 holds it: x = 1/(t + 1/2), y acts from t = 3/2 on. On steps of
+// their own lengths, at the rows and between them.
+TEST(NonlinearRows, OfStepsOfTheirOwnLengths) {
+  NonlinearScene s = cubic_stop();
+  s.linear.dynamics = DenseDynamics{Matrix{{0}}, Matrix{{1}}, Matrix{{1}}};
+  s.linear.M = Matrix{{0}};
+  s.linear.lcp_class = LcpClass::PSD;
+  s.linear.f = {};
+  s.linear.g = [](double, Eigen::Ref<Vector> g) { g[0] = -0.5; };
+  s.linear.x0 = Vector{{2}};
+  s.linear.T = 2.3;
+  s.phi = [](double, In x, In, Eigen::Ref<Vector> v) { v[0] = -x[0] * x[0]; };
+  s.dphi = {};
+  s.gamma = {};
+  s.dgamma = {};
+  const auto backend = make_cpu_backend(1);
+  NonlinearOptions options;
+  options.steps = 16;
+  for (const double tolerance : {1e-3, 1e-6}) {
+    options.error = tolerance;
+    const NonlinearResult r = solve_nonlinear(s, *backend, options);
+    ASSERT_EQ(r.status, Status::solved) << r.reason;
+    EXPECT_EQ(r.own_error, tolerance);
+    EXPECT_LE(r.marched, 4000);
+    const NonlinearResult between = nonlinear_at(s, *backend, r, {0.123, 0.777, 1.4999, 1.6, 2.3});
+    for (const NonlinearResult* rows : {&r, &between})
+      for (Index j = 0; j < rows->t.size(); ++j) {
+        const double t = rows->t[j];
+        EXPECT_NEAR(rows->x(j, 0), std::max(0.5, 1 / (t + 0.5)), 2 * tolerance) << t;
+        if (std::abs(t - 1.5) > 1e-3) {
+          EXPECT_NEAR(rows->y(j, 0), t < 1.5 ? 0 : 0.25, tolerance) << t;
+        }
+      }
+    for (Index j = 0; j < r.t.size(); ++j)
+      EXPECT_NEAR(r.y_integral(j, 0), 0.25 * std::max(0.0, r.t[j] - 1.5), 2.3 * tolerance) << r.t[j];
+  }
+}
+
 }  // namespace
 }  // namespace bromwich

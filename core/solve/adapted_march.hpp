@@ -1,0 +1,20 @@
+#pragma once
+// Method march under a tolerance: steps of their own for all parts of the time (core/adapted/tree_march.hpp), tightened
+// until two solutions on the same tree, one with all steps halved, agree.
+
+#include "error_goal.hpp"
+#include "stage.hpp"
+
+#include <optional>
+
+namespace bromwich {
+
+/// Rows at the ends of `cells` equal parts of [0, T], or at `times`, increasing from 0 to T; `first`: of some grid,
+/// whose rounding and notices stay. Nothing where the tolerance is not met with max_steps steps.
+std::optional<Result> march_to_tolerance(const Scene&, const InnerOptions&, Index cells, const Result& first,
+                                         const Vector& times = {});
+
+/// Whether a result is one of these: its last grid has more steps than rows.
+bool has_own_steps(const Result&);
+
+}  // namespace bromwich
