@@ -42,6 +42,19 @@ Json errors_to_json(const std::optional<ErrorEstimate>& errors) {
           {"estimates", errors->estimates}};
 }
 
+Json certificate_to_json(const std::optional<Certificate>& c) {
+  if (!c) return nullptr;
+  return {{"error_of_x", c->error_of_x},
+          {"error_of_y", c->error_of_y},
+          {"error_of_mean_of_y", c->error_of_mean},
+          {"typical_error_of_x", c->typical_error_of_x},
+          {"mean_defect", c->mean_defect},
+          {"largest_defect", c->largest_defect},
+          {"defect_at", c->defect_at},
+          {"defect_row", c->defect_row},
+          {"impulses", c->impulses}};
+}
+
 Json requested_to_json(const Options& o) {
   const auto given = [](double value) { return value > 0 ? Json(value) : Json(nullptr); };
   return {{"method", to_string(o.method)},
@@ -118,6 +131,7 @@ Json to_json(const SceneChoice& choice, const Result& result, int threads, const
   json["error_estimate"] = nullable(result.error_estimate);
   json["error_estimate_of"] = result.error_estimate ? Json(estimated_quantity(result)) : Json(nullptr);
   json["errors"] = errors_to_json(result.errors);
+  json["certificate"] = certificate_to_json(result.certificate);
   json["reference_error"] = nullptr;
   if (has_reference(choice)) json["reference_error"] = {{"x", nullable(error.x)}, {"y", nullable(error.y)}};
   json["reference"] = reference_to_json(choice.reference);

@@ -242,67 +242,6 @@ Magnification magnification(const DiscreteProblem& p, Rule rule, const RowMatrix
   return result;
 }
 
-// Errors of steps are smooth or not: the same in every step, and with signs that have no pattern, both are carried.
-double accumulated(const DiscreteProblem& p, Rule rule, const RowMatrix& y, const RowMatrix& x, const Vector& defect,
-                   const Vector& scale) {
-  const std::shared_ptr<const StepOperators> operators = state_step(p, rule);
-  const DenseRecurrence r = dense_recurrence(*p.small_state(), *operators);
-  const ScaledNorm norm(scale);
-  TangentStep tangent(p, r);
-  Matrix error = Matrix::Zero(x.cols(), 2), next = error;
-  double size = norm(p.scene.x0), most = 0;
-  Signs signs;
-  for (Index j = 1; j <= p.J; ++j) {
-    tangent.take(y.row(j).transpose());
-    next.noalias() = tangent.map * error;
-    error.swap(next);
-    error.col(0) += defect;
-    for (Index i = 0; i < defect.size(); ++i) error(i, 1) += defect[i] * signs();
-    size = std::max(size, norm(x.row(j).transpose()));
-    for (Index c = 0; c < error.cols(); ++c)
-      if (size > 0) most = std::max(most, norm(error.col(c)) / size);
-    if (!error.allFinite()) return INFINITY;
-  }
-  return most;
-}
-
-double contact_frequency(const DiscreteProblem& p, const RowMatrix& y) {
-  constexpr std::size_t most_sets = 16;
-  constexpr double hardly_damped = 0.1;
-  const DenseDynamics& d = *p.small_state();
-  const Matrix M = to_dense(p.scene.M);
-  std::set<std::vector<Index>> sets;
-  for (Index j = 0; j < y.rows() && sets.size() < most_sets; ++j) {
-    const std::vector<Index> S = support_of(y.row(j).transpose());
-    if (!S.empty()) sets.insert(S);
-  }
-  double frequency = 0;
-  for (const std::vector<Index>& S : sets) {
-    const Matrix response = M(S, S).partialPivLu().solve(Matrix(d.N(S, Eigen::all)));
-    const Matrix closed = d.A - d.B(Eigen::all, S) * response;
-    const ComplexVector eigenvalues = Eigen::EigenSolver<Matrix>(closed, false).eigenvalues();
-    for (const Complex lambda : eigenvalues)
-      if (std::abs(lambda.real()) < hardly_damped * std::abs(lambda.imag()))
-        frequency = std::max(frequency, std::abs(lambda.imag()));
-  }
-  return frequency;
-}
-
-Divergence divergence(const RowMatrix& coarse, const RowMatrix& fine, const Vector& scale) {
-  constexpr Index first_steps = 3;
-  const ScaledNorm norm(scale);
-  Divergence d{0, Vector::Zero(scale.size())};
-  double size = 0;
-  for (Index j = 1; j < coarse.rows(); ++j) {
-    const Vector apart = (coarse.row(j) - fine.row(2 * j)).transpose();
-    if (!apart.allFinite()) return {INFINITY, Vector::Constant(scale.size(), INFINITY)};
-    size = std::max({size, norm(coarse.row(j - 1).transpose()), norm(coarse.row(j).transpose())});
-    d.pointwise = std::max(d.pointwise, size > 0 ? norm(apart) / size : 0);
-    if (j <= first_steps && norm(apart) / double(j) > norm(d.defect)) d.defect = apart / double(j);
-  }
-  return d;
-}
-
 Change change_when_halved(const RowMatrix& coarse, const RowMatrix& fine, Index last) {
   std::vector<double> rows;
   double size = 0, sum = 0, whole = 0;

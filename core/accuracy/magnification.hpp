@@ -32,26 +32,9 @@ struct Magnification {
 /// state.
 Magnification magnification(const DiscreteProblem&, Rule, const RowMatrix& y, const RowMatrix& recorded = {});
 
-/// The accumulated error of the state along a solution if each step has the same error in each component: the largest
-/// size relative to that of the state up to there. Preconditions: as for a magnification that was computed, with its
-/// scale.
-double accumulated(const DiscreteProblem&, Rule, const RowMatrix& y, const RowMatrix& x, const Vector& defect,
-                   const Vector& scale);
-
 /// The rate of the fastest growing mode of sparse dynamics, where their spectrum says that there is one. 0: there is
 /// none, or constraints and recorded states do not see it, or nothing excites it. Costs two real factorizations.
 double growth_rate(const DiscreteProblem&);
-
-/// Largest frequency (radians per unit of time) of a hardly damped mode of A - B_S M_SS^{-1} N_S over the active sets S
-/// of y: contacts that act as springs. M of class P, dense dynamics; 0 where no set has such a mode.
-double contact_frequency(const DiscreteProblem&, const RowMatrix& y);
-
-/// Two solutions of a scene that magnifies errors, the second with half the step, both as states (rows in R^m).
-struct Divergence {
-  double pointwise = 0;  ///< largest |D^{-1} (x_j - x'_2j)| over the largest state up to there
-  Vector defect;         ///< error of one step: the largest (x_j - x'_2j) / j of the first steps
-};
-Divergence divergence(const RowMatrix& coarse, const RowMatrix& fine, const Vector& scale);
 
 /// How y or x changes when the step is halved, on the nodes that both grids have (`fine` has twice the steps), rows
 /// 1..last of the coarse one. A jump that moves by a step is a large change at one time point, a small one in the mean,

@@ -5,19 +5,22 @@
 #include "core/certificate/part_weights.hpp"
 #include "core/dynamics/dense.hpp"
 #include "core/events/event_driven.hpp"
+#include "core/lcp/lcp_class.hpp"
 
 #include <algorithm>
 #include <cmath>
-#include <utility>
 
 namespace bromwich {
 
 namespace {
 
-constexpr Index division = 3;          ///< parts of a step: odd, since nested grids may miss the same contact
-constexpr int most_halvings = 6;       ///< of a part, for sources
-constexpr double sign_of_zero = 1e-9;  ///< of the largest value: smaller ones have no sign
-constexpr double no_size = 1e-8;       ///< of what terms could make of a component: smaller values are their rounding
+constexpr Index division = 3;                 ///< parts of a step: odd, since nested grids may miss the same contact
+constexpr int most_halvings = 6;              ///< of a part, for sources
+constexpr double no_size = 1e-8;              ///< of what terms could make of a component: smaller is their rounding
+constexpr double near_row = 1e-6;             ///< of a step: a switch so near may be on either side of a row
+constexpr std::size_t one_of = 20;            ///< rows may be off by more than the typical error
+constexpr double reference_tolerance = 1e-9;  ///< of the located solution
+constexpr double most_work = 4e8;             ///< likewise, floating-point operations: a tenth of a second, about
 
 // y of a result, linear on each step: its value at the right end and its mean.
 class LinearSteps {
@@ -39,225 +42,165 @@ class LinearSteps {
   RowMatrix integral_, left_;
 };
 
-class Certifier {
+// The state that y of a result drives, and the defect of complementarity inside its steps.
+class Defect {
  public:
-  Certifier(const Scene& scene, const Result& result, const RowMatrix& states)
-      : scene_(scene),
-        r_(result),
-        states_(states),
-        d_(*scene.dynamics->small_state()),
-        M_(to_dense(scene.M)),
-        y_(result),
+  Defect(const Scene& scene, const Matrix& M, const LinearSteps& y)
+      : d_(*scene.dynamics->small_state()),
+        M_(M),
+        T_(scene.T),
+        n_(scene.constraints()),
+        y_(y),
         sources_(scene),
         weights_(d_.A, d_.B, d_.N, M_, sources_.has_f()),
-        n_(scene.constraints()),
-        terms_(Vector::Zero(n_)),
-        largest_y_(r_.y.bottomRows(r_.steps).cwiseAbs().colwise().maxCoeff().transpose()),
-        given_(scene.x0),
         x_(scene.x0),
-        integral_(Vector::Zero(n_)) {
-    const RowMatrix largest = states_.size() > 0 ? states_ : RowMatrix(scene.x0.transpose());
-    off_.x = off_.sum_of_x = Vector::Zero(scene.states());
-    off_.size_of_x = largest.cwiseAbs().colwise().maxCoeff().transpose();
-    off_.y = off_.mean = off_.defect = off_.sum_of_defect = defect_at_ = answers_ = Vector::Zero(n_);
-    effect_.resize(scene.states() + n_, n_);
-    effect_ << d_.B, M_;
-    off_.effect = off_.size_of_effect = Vector::Zero(effect_.rows());
+        terms_(Vector::Zero(n_)),
+        answers_(terms_),
+        largest_(terms_),
+        sum_(terms_),
+        at_(terms_) {}
+
+  void pass(const Part& p, int halvings = most_halvings) {
+    const PartSources s = sources_.on(p);
+    if (halvings > 0 && !sources_.resolves(p, s)) {
+      for (const Part& half : halves(p)) pass(half, halvings - 1);
+      return;
+    }
+    look_inside(p, weights_.of(p.length), s);
   }
 
-  Certificate run(const std::vector<double>& breakpoints) {
-    for (const Part& p : divide(r_.t, breakpoints, division))
-      if (!pass(p, most_halvings)) {
-        c_.until = p.from / scene_.T;
-        break;
-      }
-    if (ended_ > 0) end_step(last_);
-    summarise();
-    return c_;
+  const Vector& x() const { return x_; }              ///< m, at the end of the last part
+  const Vector& terms() const { return terms_; }      ///< n: max_t (|M||y| + |N||x| + |g|)
+  const Vector& answers() const { return answers_; }  ///< n: the largest change of w_i by y_i within a part
+
+  void summarise(Certificate& c) const {
+    const Vector size = terms_.cwiseMax(1e-290);
+    c.mean_defect = sum_.cwiseQuotient(size).maxCoeff();
+    c.largest_defect = largest_.cwiseQuotient(size).maxCoeff(&c.defect_row);
+    c.defect_at = at_[c.defect_row];
   }
 
  private:
-  bool pass(const Part& p, int halvings) {
-    const PartSources s = sources_.on(p);
-    if (halvings > 0 && !sources_.resolves(p, s)) {
-      const auto [first, second] = halves(p);
-      return pass(first, halvings - 1) && pass(second, halvings - 1);
-    }
-    PartWeights& w = weights_.of(p.length);
+  void look_inside(const Part& p, const PartWeights& w, const PartSources& s) {
     Vector Y(2 * n_);
     for (std::size_t i = 0; i < 2; ++i)
       Y.segment(Index(i) * n_, n_) = y_.at(p.step, p.begin + part_nodes[i] * (p.end - p.begin));
-    look_inside(p, w, s, Y);
-    bool kept = true;
-    if (!(p.behind_jump ? jump(w, s, Y) : correct(w, s, Y, kept))) return false;
-    if (!kept) c_.share_of_sets += p.length / scene_.T;
-    // An impulse is no limit of y: the part behind it has that.
-    if (ended_ > 0 && !p.behind_jump) end_step(1.5 * Y.head(n_) - 0.5 * Y.tail(n_));
-    integral_ += p.length * (0.75 * Y.head(n_) + 0.25 * Y.tail(n_));
-    if (p.end < 1) return true;
-    ended_ = p.step;
-    last_ = Y.tail(n_);
-    at_end_ = x_;
-    integral_at_end_ = integral_;
-    given_at_end_ = given_;
-    return true;
-  }
-
-  // x and N x + g at both nodes, without y.
-  Vector free(const PartWeights& w, const PartSources& s, const Vector& x, std::array<Vector, 2>& next) const {
-    Vector q(2 * n_);
     for (std::size_t i = 0; i < 2; ++i) {
-      next[i].noalias() = w.decay[i] * x;
-      for (std::size_t k = 0; k < 3 && sources_.has_f(); ++k) next[i].noalias() += w.input[i][k] * s.f[k];
-      q.segment(Index(i) * n_, n_) = d_.N * next[i] + s.g[i];
-    }
-    return q;
-  }
-
-  // The given y: its state, and the defect of complementarity at the nodes.
-  void look_inside(const Part& p, const PartWeights& w, const PartSources& s, const Vector& Y) {
-    std::array<Vector, 2> next;
-    const Vector q = free(w, s, given_, next), slack = q + w.slack * Y;
-    for (std::size_t i = 0; i < 2; ++i) {
-      next[i].noalias() += w.drive[i] * Y;
-      terms_ = terms_.cwiseMax(M_.cwiseAbs() * Y.segment(Index(i) * n_, n_).cwiseAbs() +
-                               d_.N.cwiseAbs() * next[i].cwiseAbs() + s.g[i].cwiseAbs());
-    }
-    given_ = next[1];
-    answers_ = answers_.cwiseMax(w.slack.diagonal().tail(n_));
-    for (Index i = 0; i < 2 * n_; ++i) {
-      const Index row = i % n_;
-      const double off = std::abs(std::min(slack[i], w.slack(i, i) * Y[i]));
-      off_.sum_of_defect[row] += (i < n_ ? 0.75 : 0.25) * p.length / scene_.T * off;
-      if (!(off > off_.defect[row])) continue;
-      off_.defect[row] = off;
-      defect_at_[row] = (p.from + part_nodes[std::size_t(i / n_)] * (p.to - p.from)) / scene_.T;
+      const Vector y = Y.segment(Index(i) * n_, n_), answer = w.slack[i].middleCols(Index(i) * n_, n_).diagonal();
+      Vector x = w.decay[i] * x_ + w.drive[i] * Y;
+      for (std::size_t k = 0; k < 3 && sources_.has_f(); ++k) x.noalias() += w.input[i][k] * s.f[k];
+      const Vector slack = M_ * y + d_.N * x + s.g[i], off = slack.cwiseMin(answer.cwiseProduct(y)).cwiseAbs();
+      terms_ = terms_.cwiseMax(M_.cwiseAbs() * y.cwiseAbs() + d_.N.cwiseAbs() * x.cwiseAbs() + s.g[i].cwiseAbs());
+      answers_ = answers_.cwiseMax(answer);
+      sum_ += (i == 0 ? 0.75 : 0.25) * p.length / T_ * off;
+      at_ = (off.array() > largest_.array()).select((p.from + part_nodes[i] * (p.to - p.from)) / T_, at_);
+      largest_ = largest_.cwiseMax(off);
+      if (i == 1) x_ = x;
     }
   }
 
-  // The brief part behind a jump: y is constant, since Radau's two values of an impulse are of no sign.
-  bool jump(PartWeights& w, const PartSources& s, Vector& Y) {
-    std::array<Vector, 2> next;
-    const Vector q = free(w, s, x_, next).tail(n_);
-    Vector y = Y.tail(n_).cwiseMax(0);
-    if (q.minCoeff() >= 0) {
-      y.setZero();
-    } else {
-      w.constant_lcp->start_from(y);
-      if (!w.constant_lcp->solve(q, y).solved) return false;
-    }
-    Y << y, y;
-    x_ = next[1] + w.constant_drive * y;
-    return true;
-  }
-
-  // Y and x by the sets of Y where they continue the solution, otherwise by those that solve the part.
-  bool correct(PartWeights& w, const PartSources& s, Vector& Y, bool& kept) {
-    std::array<Vector, 2> next;
-    const Vector q = free(w, s, x_, next);
-    kept = hold(w, q, Y);
-    if (!kept) {
-      Vector weighted = q;
-      weighted.head(n_) *= 0.75;
-      weighted.tail(n_) *= 0.25;
-      w.lcp->start_from(Y.cwiseMax(0));
-      if (!w.lcp->solve(weighted, Y).solved) return false;
-    }
-    x_ = next[1] + w.drive[1] * Y;
-    return true;
-  }
-
-  // Y of the sets of the given one; whether all signs are right.
-  bool hold(const PartWeights& w, const Vector& q, Vector& Y) {
-    held_.clear();
-    for (Index i = 0; i < 2 * n_; ++i)
-      if (Y[i] > sign_of_zero * largest_y_[i % n_]) held_.push_back(i);
-    Y.setZero();
-    if (!held_.empty()) Y(held_) = -w.slack(held_, held_).partialPivLu().solve(q(held_));
-    if (!Y.allFinite()) return false;
-    const Vector slack = q + w.slack * Y;
-    const double largest = Y.cwiseAbs().maxCoeff();
-    auto held = held_.begin();
-    for (Index i = 0; i < 2 * n_; ++i) {
-      const bool active = held != held_.end() && *held == i;
-      held += active;
-      if (active ? !(Y[i] >= -sign_of_zero * std::max(largest_y_[i % n_], largest))
-                 : !(slack[i] >= -sign_of_zero * terms_[i % n_]))
-        return false;
-    }
-    return true;
-  }
-
-  // Row j, at the end of the last step. It may have the limit of y from either side; `first` is the one behind it.
-  void end_step(const Vector& first) {
-    const Index j = std::exchange(ended_, 0);
-    const auto apart = [&](const Vector& a, const Vector& b, const Vector& row) {
-      return Vector((a.cwiseMin(b) - row).cwiseMax(row - a.cwiseMax(b)).cwiseMax(0));
-    };
-    const Vector y = r_.y.row(j).transpose();
-    off_.y = off_.y.cwiseMax(apart(last_, first, y));
-    off_.effect = off_.effect.cwiseMax(apart(effect_ * last_, effect_ * first, effect_ * y));
-    off_.size_of_effect = off_.size_of_effect.cwiseMax((effect_ * y).cwiseAbs());
-    off_.mean = off_.mean.cwiseMax((integral_at_end_ - y_.integral().row(j).transpose()).cwiseAbs() / scene_.T);
-    const Vector x = states_.size() > 0 ? Vector(states_.row(j).transpose()) : given_at_end_;
-    const Vector off = (x - at_end_).cwiseAbs();
-    off_.x = off_.x.cwiseMax(off);
-    off_.sum_of_x += off;
-    off_.size_of_x = off_.size_of_x.cwiseMax(x.cwiseAbs());
-  }
-
-  void summarise() {
-    const ComponentSizes sizes;
-    const Index m = scene_.states();
-    const Vector least_x = no_size * scene_.T * off_.size_of_effect.head(m),
-                 least_y = (answers_.array() > 0).select(no_size * terms_.cwiseQuotient(answers_), 0.0);
-    const Vector size_of_x = sizes.of(off_.size_of_x).cwiseMax(least_x),
-                 size_of_effect = sizes.of(off_.size_of_effect).cwiseMax(effect_.cwiseAbs() * least_y);
-    c_.error_of_x = largest_share(off_.x, size_of_x);
-    c_.typical_error_of_x = largest_share(off_.sum_of_x / double(r_.steps), size_of_x);
-    c_.error_of_y =
-        std::min(largest_share(off_.y, sizes.of_y(r_).cwiseMax(least_y)), largest_share(off_.effect, size_of_effect));
-    c_.error_of_mean = largest_share(off_.mean, sizes.of_mean(r_).cwiseMax(least_y));
-    const Vector size_of_w = terms_.cwiseMax(1e-290);
-    c_.mean_defect = off_.sum_of_defect.cwiseQuotient(size_of_w).maxCoeff();
-    c_.largest_defect = off_.defect.cwiseQuotient(size_of_w).maxCoeff(&c_.defect_row);
-    c_.defect_at = defect_at_[c_.defect_row];
-  }
-
-  const Scene& scene_;
-  const Result& r_;
-  const RowMatrix& states_;
   const DenseDynamics& d_;
-  const Matrix M_;
-  Matrix effect_;  ///< B above M: what y does to x and w
-  const LinearSteps y_;
+  const Matrix& M_;
+  const double T_;
+  const Index n_;
+  const LinearSteps& y_;
   PartSampler sources_;
   PartWeightsFamily weights_;
-  const Index n_;
-  Vector terms_;            ///< largest sizes of the terms of w so far
-  const Vector largest_y_;  ///< of the result
-  Vector given_, x_;        ///< states of the given y and of the corrected one
-  Vector integral_;         ///< of the corrected y
-  Index ended_ = 0;         ///< the step that has ended, and is not compared yet; 0: none
-  Vector last_, at_end_, given_at_end_, integral_at_end_;  ///< y, both states and the integral of y there
-  Vector defect_at_;
-  Vector answers_;  ///< largest change of w_i by y_i within a part
-  std::vector<Index> held_;
-  struct {
-    Vector x, sum_of_x, size_of_x, y, mean, effect, size_of_effect, defect, sum_of_defect;
-  } off_;
-  Certificate c_;
+  Vector x_, terms_, answers_, largest_, sum_, at_;
+};
+
+// How far a result is from a located solution, at its rows. Where y jumps, a row may have either limit.
+class Distances {
+ public:
+  Distances(const EventSolution& located, const Scene& scene, const Result& r, const LinearSteps& y,
+            const Matrix& effect)
+      : located_(located), T_(scene.T), r_(r), y_(y), effect_(effect), x_size_(scene.x0.cwiseAbs()) {
+    y_off_ = mean_off_ = y_size_ = Vector::Zero(r.y.cols());
+    effect_off_ = effect_size_ = Vector::Zero(effect.rows());
+    x_off_ = Vector::Zero(x_size_.size());
+  }
+
+  void add(Index j, const Vector& x) {
+    const double near = near_row * (r_.t[j] - r_.t[j - 1]), before = r_.t[j] - near, behind = std::min(r_.t[j] + near, T_);
+    const Vector left = located_.y(before, true), right = located_.y(behind, false), y = r_.y.row(j).transpose();
+    y_off_ = y_off_.cwiseMax(outside(left, right, y));
+    effect_off_ = effect_off_.cwiseMax(outside(effect_ * left, effect_ * right, effect_ * y));
+    effect_size_ = effect_size_.cwiseMax((effect_ * y).cwiseAbs()).cwiseMax((effect_ * right).cwiseAbs());
+    y_size_ = y_size_.cwiseMax(y.cwiseAbs()).cwiseMax(right.cwiseAbs());
+    const Vector integral = y_.integral().row(j).transpose();
+    mean_off_ = mean_off_.cwiseMax(
+        outside(located_.integral_of_y(before, true), located_.integral_of_y(behind, false), integral));
+    const Vector true_x = located_.x(behind, false), off = outside(located_.x(before, true), true_x, x);
+    x_off_ = x_off_.cwiseMax(off);
+    x_size_ = x_size_.cwiseMax(x.cwiseAbs()).cwiseMax(true_x.cwiseAbs());
+    of_rows_.push_back(largest_share(off, size_of_x()));
+  }
+
+  void summarise(const Defect& defect, Certificate& c) const {
+    const ComponentSizes sizes;
+    const Vector least_y = (defect.answers().array() > 0)
+                               .select(no_size * defect.terms().cwiseQuotient(defect.answers()), 0.0);
+    const Vector size_of_effect = sizes.of(effect_size_).cwiseMax(effect_.cwiseAbs() * least_y);
+    c.error_of_x = largest_share(x_off_, size_of_x());
+    std::vector<double> rows = of_rows_;
+    const auto place = rows.begin() + std::ptrdiff_t(rows.size() - 1 - rows.size() / one_of);
+    std::nth_element(rows.begin(), place, rows.end());
+    c.typical_error_of_x = *place;
+    c.error_of_y = std::min(largest_share(y_off_, sizes.of(y_size_).cwiseMax(least_y)),
+                            largest_share(effect_off_, size_of_effect));
+    c.error_of_mean = largest_share(mean_off_ / T_, sizes.of_mean(r_).cwiseMax(least_y));
+    c.impulses = located_.jumps > 0;
+  }
+
+ private:
+  // Of the values so far.
+  Vector size_of_x() const {
+    return ComponentSizes().of(x_size_).cwiseMax(no_size * T_ * effect_size_.head(x_size_.size()));
+  }
+  static Vector outside(const Vector& a, const Vector& b, const Vector& row) {
+    return (a.cwiseMin(b) - row).cwiseMax(row - a.cwiseMax(b)).cwiseMax(0);
+  }
+
+  const EventSolution& located_;
+  const double T_;
+  const Result& r_;
+  const LinearSteps& y_;
+  const Matrix& effect_;  ///< B above M: what y does to x and w
+  Vector x_size_, y_off_, y_size_, mean_off_, effect_off_, effect_size_, x_off_;
+  std::vector<double> of_rows_;  ///< of x, relative to the values so far
 };
 
 }  // namespace
 
-std::optional<Certificate> certify(const Scene& scene, const Result& result, const std::vector<double>& breakpoints,
+std::optional<Certificate> certify(const Scene& scene, const Result& r, const std::vector<double>& breakpoints,
                                    const RowMatrix& states) {
   if (!unsuited_to_events(scene).empty() || scene.constraints() == 0) return std::nullopt;
-  if (result.steps < 1 || result.y.rows() != result.steps + 1 || !result.y.bottomRows(result.steps).allFinite())
-    return std::nullopt;
-  if (states.size() > 0 && (states.rows() != result.steps + 1 || states.cols() != scene.states())) return std::nullopt;
-  return Certifier(scene, result, states).run(breakpoints);
+  if (r.steps < 1 || r.y.rows() != r.steps + 1 || !r.y.bottomRows(r.steps).allFinite()) return std::nullopt;
+  if (states.size() > 0 && (states.rows() != r.steps + 1 || states.cols() != scene.states())) return std::nullopt;
+  EventOptions options;
+  options.tolerance = reference_tolerance;
+  options.most_work = most_work;
+  const EventSolution located =
+      integrate_with_events(scene, selection_class(scene.M, scene.lcp_class), breakpoints, options);
+  if (!located.complete || !located.unique) return std::nullopt;
+
+  const Matrix M = to_dense(scene.M);
+  Matrix effect(scene.states() + scene.constraints(), scene.constraints());
+  effect << scene.dynamics->small_state()->B, M;
+  const LinearSteps y(r);
+  Defect defect(scene, M, y);
+  Distances distances(located, scene, r, y, effect);
+  const std::vector<Part> parts = divide(r.t, breakpoints, division);
+  for (std::size_t k = 0; k < parts.size(); ++k) {
+    defect.pass(parts[k]);
+    const Index j = parts[k].step;
+    if (k + 1 < parts.size() && parts[k + 1].step == j) continue;
+    distances.add(j, states.size() > 0 ? Vector(states.row(j).transpose()) : defect.x());
+  }
+  Certificate c;
+  defect.summarise(c);
+  distances.summarise(defect, c);
+  return c;
 }
 
 }  // namespace bromwich

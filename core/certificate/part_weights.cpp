@@ -7,18 +7,10 @@ namespace bromwich {
 PartWeightsFamily::PartWeightsFamily(Matrix A, Matrix B, Matrix N, Matrix M, bool has_f)
     : phis_(std::move(A)), B_(std::move(B)), N_(std::move(N)), M_(std::move(M)), has_f_(has_f) {}
 
-PartWeights& PartWeightsFamily::of(double length) {
+const PartWeights& PartWeightsFamily::of(double length) {
   if (const auto found = kept_.find(length); found != kept_.end()) return found->second;
   const Index n = M_.rows();
-  PartWeights w{.length = length,
-                .decay = {},
-                .drive = {},
-                .input = {},
-                .slack = Matrix(2 * n, 2 * n),
-                .lcp = {},
-                .constant_drive = {},
-                .constant_slack = {},
-                .constant_lcp = {}};
+  PartWeights w;
   for (std::size_t i = 0; i < 2; ++i) {
     const double c = part_nodes[i], d = c * length;
     const auto phi = phis_.phis(d);
@@ -27,17 +19,9 @@ PartWeights& PartWeightsFamily::of(double length) {
     w.drive[i].resize(B_.rows(), 2 * n);
     w.drive[i] << 1.5 * (constant - linear), 1.5 * linear - 0.5 * constant;
     if (has_f_) w.input[i] = {d * (*phi)[1], d * c * (*phi)[2], 2 * d * c * c * (*phi)[3]};
-    auto rows = w.slack.middleRows(Index(i) * n, n);
-    rows.noalias() = N_ * w.drive[i];
-    rows.middleCols(Index(i) * n, n) += M_;
+    w.slack[i].noalias() = N_ * w.drive[i];
+    w.slack[i].middleCols(Index(i) * n, n) += M_;
   }
-  Matrix weighted = w.slack;  // of a passive scene positive semidefinite, as the quadrature of Radau IIA
-  weighted.topRows(n) *= 0.75;
-  weighted.bottomRows(n) *= 0.25;
-  w.lcp = std::make_unique<ActiveSetLcp>(weighted, LcpClass::unknown);
-  w.constant_drive = w.drive[1].leftCols(n) + w.drive[1].rightCols(n);
-  w.constant_slack = M_ + N_ * w.constant_drive;
-  w.constant_lcp = std::make_unique<ActiveSetLcp>(w.constant_slack, LcpClass::unknown);
   return kept_.emplace(length, std::move(w)).first->second;
 }
 

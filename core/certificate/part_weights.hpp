@@ -4,39 +4,30 @@
 //     y(s) = y_1 (3 - 3σ)/2 + y_2 (3σ - 1)/2,   f(s) = c_0 + c_1 σ + c_2 σ²,   σ = s/d,
 //     x(c d) = e^{cdA} x + ∫_0^{cd} e^{(cd-s)A} (B y(s) + f(s)) ds,   c = 1/3 and 1.
 //
-// y_1 and y_2 are its values at σ = 1/3 and 1, the nodes of Radau IIA: complementarity holds there, so that the rule is
-// stable where M is singular, and A enters by its exponential alone.
+// y_1 and y_2 are its values at σ = 1/3 and 1, the nodes of Radau IIA: a march in stages has complementarity there.
 
 #include "../base/types.hpp"
-#include "../lcp/active_set.hpp"
 #include "../numerics/matrix_phi.hpp"
 
 #include <array>
 #include <map>
-#include <memory>
-#include <optional>
 
 namespace bromwich {
 
 inline constexpr std::array<double, 2> part_nodes{1.0 / 3, 1};
 
 struct PartWeights {
-  double length;                               ///< d
   std::array<Matrix, 2> decay;                 ///< m x m, of x
   std::array<Matrix, 2> drive;                 ///< m x 2n, of (y_1, y_2)
   std::array<std::array<Matrix, 3>, 2> input;  ///< m x m, of c_0, c_1, c_2; empty without f
-  Matrix slack;                                ///< 2n x 2n: (w_1, w_2) by (y_1, y_2), M included
-  std::unique_ptr<ActiveSetLcp> lcp;           ///< of `slack`, its rows times 3/4 and 1/4
-  /// y constant on the part, complementarity at its end: where the state jumps.
-  Matrix constant_drive, constant_slack;  ///< m x n, n x n
-  std::unique_ptr<ActiveSetLcp> constant_lcp;
+  std::array<Matrix, 2> slack;                 ///< n x 2n: w_i by (y_1, y_2), M included
 };
 
 /// Weights by length, made when they are asked for. Few lengths: those of a dyadic tree.
 class PartWeightsFamily {
  public:
   PartWeightsFamily(Matrix A, Matrix B, Matrix N, Matrix M, bool has_f);
-  PartWeights& of(double length);
+  const PartWeights& of(double length);
 
  private:
   PhiFamily phis_;

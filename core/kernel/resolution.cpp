@@ -83,8 +83,6 @@ std::optional<Complex> fastest(const DiscreteProblem& p, const RowMatrix& y, con
   return found;
 }
 
-constexpr double least_growing = 1e-6;  ///< of the state
-
 bool grows(Complex z, Index steps) {
   return std::abs(z) > 0.5 && z.real() > 1e-6 * std::abs(z) && z.real() * double(steps) > 0.1;
 }
@@ -104,10 +102,6 @@ std::optional<Matrix> closed_matrix(const Matrix& A, const Matrix& B, const Matr
   return std::nullopt;
 }
 
-std::optional<Complex> unresolved_growth(const DiscreteProblem& p, const RowMatrix& y, const RowMatrix& x) {
-  return fastest(p, y, x, least_growing, grows);
-}
-
 std::optional<Complex> damped_growth(const DiscreteProblem& p, const RowMatrix& y, const RowMatrix& x,
                                      double (*damping)(Complex z)) {
   constexpr double weakly = 0.5;          // of |z|: weaker growth is that of an oscillation
@@ -123,24 +117,6 @@ std::optional<Complex> unresolved_oscillation(const DiscreteProblem& p, const Ro
     constexpr double third = 0.4;  // log(3/2)
     return std::abs(z.real()) < 0.1 * std::abs(z.imag()) && double(steps) * std::abs(damping(z) - z.real()) > third;
   });
-}
-
-std::optional<Complex> fast_oscillation(const DiscreteProblem& p, const RowMatrix& y,
-                                        const std::function<RowMatrix()>& states) {
-  const auto oscillates = [](Complex z, Index) {
-    return std::abs(z.imag()) > 1 && std::abs(z.real()) < 0.1 * std::abs(z.imag());
-  };
-  // |Im lambda| is at most the norm of the skew part.
-  const auto may_oscillate = [h = p.h](const Matrix& A) {
-    const Matrix b = balanced(A).A;
-    return 0.5 * h * (b - b.transpose()).cwiseAbs().rowwise().sum().maxCoeff() > 1;
-  };
-  const DenseDynamics& d = *p.small_state();
-  const Matrix M = to_dense(p.scene.M);
-  for (const auto& [S, phase] : phases(y))
-    if (const auto closed = closed_matrix(d.A, d.B, d.N, M, S); closed && may_oscillate(*closed))
-      return fastest(p, y, states(), 0.1, oscillates);
-  return std::nullopt;
 }
 
 double euler_damping(Complex z) { return -std::log(std::abs(1.0 - z)); }

@@ -17,11 +17,7 @@ std::optional<Matrix> closed_matrix(const Matrix& A, const Matrix& B, const Matr
                                     const std::vector<Index>& S);
 
 /// The eigenvalue lambda (1/time) of the fastest mode contained in the states x that grows noticeably while its active
-/// set lasts and has h |lambda| > 1/2. Modes of A and of the closed matrices of the active sets of y are tested. Dense
-/// dynamics with few states.
-std::optional<Complex> unresolved_growth(const DiscreteProblem&, const RowMatrix& y, const RowMatrix& x);
-
-/// Such a mode that the method makes decay: grids may then agree in a solution without it. `damping`: see below.
+/// set lasts, has h |lambda| > 1/2, and is made to decay by the method: grids may then agree in a solution without it. `damping`: see below.
 std::optional<Complex> damped_growth(const DiscreteProblem&, const RowMatrix& y, const RowMatrix& x,
                                      double (*damping)(Complex z));
 
@@ -30,11 +26,6 @@ std::optional<Complex> damped_growth(const DiscreteProblem&, const RowMatrix& y,
 /// lambda.
 std::optional<Complex> unresolved_oscillation(const DiscreteProblem&, const RowMatrix& y, const RowMatrix& x,
                                               double (*damping)(Complex z));
-
-/// lambda of the fastest weakly damped oscillation of these modes with h |Im lambda| > 1, unless the size of the skew
-/// part rules it out. Contacts then open and close within a step, whatever the method.
-std::optional<Complex> fast_oscillation(const DiscreteProblem&, const RowMatrix& y,
-                                        const std::function<RowMatrix()>& states);
 
 /// log |R(z)| of implicit Euler and of Radau IIA with two stages.
 double euler_damping(Complex z);

@@ -11,13 +11,12 @@ struct Certificate {
   double mean_defect = 0, largest_defect = 0;
   double defect_at = 0;   ///< the time of the largest over T
   Index defect_row = -1;  ///< its row of w
-  /// Changes by one Newton correction, the largest over the time points, relative to the size of the component
-  /// (core/accuracy/convergence.hpp). `error_of_mean` is that of the mean of y over [0, t]. Where y may be one of
-  /// several, `error_of_y` is no more than that of B y and M y.
+  /// Differences from the located solution (core/events), the largest over the rows, relative to the size of the
+  /// component (core/accuracy/convergence.hpp). `error_of_mean` is that of the mean of y over [0, t]. Where y may be one
+  /// of several, `error_of_y` is no more than that of B y and M y.
   double error_of_x = 0, error_of_y = 0, error_of_mean = 0;
-  double typical_error_of_x = 0;  ///< the mean over time of the same change
-  double share_of_sets = 0;       ///< of [0, T], where the active sets of y did not continue the solution
-  double until = 1;               ///< of T; less than 1: no part behind it has a solution
+  double typical_error_of_x = 0;  ///< the same beside values so far, exceeded at one row of twenty
+  bool impulses = false;          ///< the state jumps: y is known by its mean
 };
 
 }  // namespace bromwich

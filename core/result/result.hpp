@@ -2,6 +2,7 @@
 
 #include "../base/types.hpp"
 #include "../lcp/count.hpp"
+#include "certificate.hpp"
 #include "method.hpp"
 
 #include <limits>
@@ -93,6 +94,8 @@ struct Result {
   /// Method multigrid: the estimated change of y by further cycles, in the norm of `history`. Empty if not estimated.
   std::optional<double> algebraic_error;
   std::optional<ErrorEstimate> errors;  ///< with Options::tolerance
+  /// Of given steps of small dense scenes with initial values; empty without Options::confirm and for method events.
+  std::optional<Certificate> certificate;
   /// Difference of the kernel weights from independently computed values, relative to the largest; NaN if there are
   /// none. If the response to x0 has a larger difference, relative to all parts of N x0 in a mode: that difference.
   double kernel_error = std::numeric_limits<double>::quiet_NaN();

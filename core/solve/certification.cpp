@@ -3,6 +3,7 @@
 #include "core/accuracy/magnification.hpp"
 #include "core/accuracy/other_solution.hpp"
 #include "core/base/text.hpp"
+#include "core/certificate/certificate.hpp"
 #include "core/kernel/resolution.hpp"
 #include "core/kernel/ringing.hpp"
 
@@ -20,17 +21,16 @@ constexpr double most_kernel_error = 1e-6;  ///< two ways to the same weights, r
 constexpr double most_literal_residual = 0.1;
 constexpr double most_rounding = 1e-4;    ///< of the state, left by rounding
 constexpr double most_correction = 1e-4;  ///< of y, to be consistent with its states
-constexpr double doubtful_growth = 100;   ///< of perturbations: larger growth of the error of one step is checked
-constexpr double doubtful_growth_with_jumps = 1e6;  ///< the same if a held position changes a velocity by 1/h
-constexpr double most_divergence = 0.1;             ///< of the state, between a step and half of it
-constexpr double most_predicted_error = 0.5;        ///< of the state
+constexpr double doubtful_growth = 1e6;   ///< of perturbations: larger growth of the error of one step is checked
 constexpr Index fewest_steps_to_judge = 32;         ///< on coarser grids every contact is short
-constexpr double strong_impulse = 0.3;              ///< of the state, by a contact that may be a spring
 constexpr double unresolved_impulse = 0.1;          ///< of the state, in a step in which the active set changes
 constexpr double most_mean_change = 0.1;            ///< of y and x with half the step, if compared
 constexpr double most_typical_change = 0.05;        ///< of x at 95 of 100 time points
 constexpr double cancelled = 1e-12;                 ///< a state below this part of its terms is 0
 constexpr double confirmed_change = 0.05;           ///< of y before a step without a solution
+constexpr double most_unresolved = 0.01;            ///< of a source: others are said to change too fast
+constexpr double worth_a_notice = 0.02;             ///< estimated error of a component
+constexpr double most_typical_error = 0.5;          ///< of the state, at one row of twenty
 
 // The rule by which perturbations are carried from step to step. For Radau IIA that of implicit Euler or, if h is an
 // eigenvalue of A^{-1}, the exponential.
@@ -113,33 +113,58 @@ void Certification::certify(Method method, Result& result) {
     if (result.status == Status::solved) look_for_other_solutions(result);
     return;
   }
-  if (m.impulse > strong_impulse && has_one_solution(p.lcp_class) &&
-      p.scene.states() <= Methods::most_recorded_states && contact_frequency(p, result.y) * p.h > 1) {
-    sensitive_ = true;
-    return demote(result, "a contact throws the state back within less than a step: use more steps");
-  }
+  if (options_.confirm && judge_by_certificate(method, result)) return look_for_other_solutions(result);
   confirm(method, m, result);
-  if (result.status == Status::solved) resolve_modes(method, m.x, result);
+  if (options_.confirm && result.status == Status::solved) resolve_modes(method, m.x, result);
   if (rational && result.status == Status::solved) doubt_growth(method, growth_rate(p), result);
   if (result.status == Status::solved) doubt_many_jumps(method, result);
-  if (result.status == Status::solved && result.warning.empty()) estimate_errors_at_jumps(method, result);
+  if (result.status == Status::solved) estimate_errors_at_jumps(method, result);
   if (result.status == Status::solved) look_for_other_solutions(result);
+}
+
+// Small dense scenes: the error of each part of the result, from y alone.
+bool Certification::judge_by_certificate(Method method, Result& result) {
+  const DiscreteProblem& p = methods_.problem();
+  if (!Methods::has_small_dense_state(p.scene) || result.unresolved_sources > most_unresolved) return false;
+  std::vector<double> breakpoints = p.scene.breakpoints;
+  for (const RoughStep& rough : p.sources ? p.sources->rough : std::vector<RoughStep>()) {
+    breakpoints.insert(breakpoints.end(), rough.ends.begin(), rough.ends.end());
+    for (const SourcePiece& piece : rough.pieces) breakpoints.push_back(piece.start);
+  }
+  std::sort(breakpoints.begin(), breakpoints.end());
+  result.certificate = bromwich::certify(p.scene, result, breakpoints, methods_.all_states(method, result));
+  if (!result.certificate) return false;
+  if (take_certificate(result)) return true;
+  sensitive_ = true;
+  return true;
+}
+
+bool take_certificate(Result& result) {
+  Certificate& c = *result.certificate;
+  c.impulses = c.impulses || result.starts_with_impulse || result.euler_steps > 0;
+  const double of_y = c.impulses ? c.error_of_mean : c.error_of_y;
+  result.error_estimate = std::max(of_y, c.error_of_x);
+  std::string parts;
+  for (const auto& [what, size] : {std::pair("x", c.error_of_x), {c.impulses ? "the mean of y" : "y", of_y}})
+    if (size > worth_a_notice) parts += (parts.empty() ? "" : ", ") + text(size < 0.1 ? "%s by about %.1f %%" : "%s by about %.0f %%", what, 100 * size);
+  if (parts.empty()) return true;
+  const std::string off = "with these steps the result is off: " + parts + "; use more steps or a tolerance";
+  if (std::min(c.typical_error_of_x, c.error_of_x) <= most_typical_error) return add_warning(result, off), true;
+  result.status = Status::tolerance_not_met;
+  result.reason = off;
+  return false;
 }
 
 // Where something speaks against a result that half the step would show, half the step is taken.
 void Certification::confirm(Method method, const Magnification& m, Result& result) {
   const DiscreteProblem& p = methods_.problem();
   const bool continuous = !by_euler(method, result) && result.continuous;
-  const bool ringing = methods_.basis().rings;  // of continuous y, whatever the method
-  const std::string grows = text("errors of a step grow up to %.1e times with these steps", m.growth);
   if (!result.well_posed)
     confirm_one_of_several(method, result);
-  else if (ringing && m.growth > doubtful_growth_with_jumps)
-    confirm_by_half_the_step(method, 1, grows, result);
-  else if (!ringing && m.growth > doubtful_growth && states_are_known(result))
-    confirm_errors_stay_small(method, m, result);
-  else if (!ringing && m.growth > doubtful_growth)
-    confirm_by_half_the_step(method, 1, grows, result);
+  else if (m.growth > doubtful_growth ||
+           (Methods::has_small_dense_state(p.scene) && result.unresolved_sources <= most_unresolved))
+    confirm_by_half_the_step(method, 1, text("errors of a step grow up to %.1e times with these steps", m.growth),
+                             result);
   // With M of class P a contact is a spring, however stiff, and its rebound wants to be resolved. (With M = 0 an
   // impact is over at once, and nothing is to be resolved.)
   else if (m.impulse > unresolved_impulse && has_one_solution(p.lcp_class) && p.J >= fewest_steps_to_judge)
@@ -151,62 +176,32 @@ void Certification::confirm(Method method, const Magnification& m, Result& resul
 
 // y may be one of several that all lead to the same state: then the state alone has to come out the same.
 void Certification::confirm_one_of_several(Method method, Result& result) {
-  constexpr double any = INFINITY;
-  const DiscreteProblem& p = methods_.problem();
   if (comes_out_the_same(method, 2, {1, 1}, result)) return;
-  if (Methods::has_small_dense_state(p.scene)) {
-    const OtherSolution other = other_solution(p, result, methods_.all_states(method, result));
-    if (other.row > 0 && !other.moves_the_state && comes_out_the_same(method, 2, {any, 1}, result)) return;
-  }
   demote(result,
          "the problems of the steps may have several solutions, and with half the step another result comes "
          "out; use more steps or another method");
 }
 
-// Modes of the state between switches: those that the steps cannot follow, with half the step neither.
+// Modes of the state between switches that the rule damps on this grid and on the next one alike.
 void Certification::resolve_modes(Method method, const RowMatrix& known, Result& result) {
   const DiscreteProblem& p = methods_.problem();
   const bool rational = by_euler(method, result) || !result.continuous;
-  if (!Methods::has_small_dense_state(p.scene)) return;
+  if (!rational || !Methods::has_small_dense_state(p.scene)) return;
   // Implicit Euler takes the means of rough sources, and has other states then.
   const bool fits = known.rows() == p.J + 1 && !(by_euler(method, result) && p.sources);
-  if (!rational) {
-    if (options_.compares_grids) return;  // and looks between the points
-    if (const auto mode =
-            fast_oscillation(p, result.y, [&] { return fits ? known : methods_.all_states(method, result); }))
-      confirm_by_half_the_step(method, 1,
-                               text("the state oscillates with %.3g radians per unit of time, faster than "
-                                    "the steps",
-                                    std::abs(mode->imag())),
-                               result);
-    return;
-  }
   const RowMatrix made = fits ? RowMatrix() : methods_.all_states(method, result);
   const RowMatrix& x = fits ? known : made;
   if (x.rows() != p.J + 1) return;
-  if (const auto mode = options_.compares_grids ? std::nullopt : unresolved_growth(p, result.y, x)) {
-    confirm_by_fine_steps(method, std::abs(*mode),
-                          text("the scene has a mode that grows like e^(%.3g t)", mode->real()), result);
-    if (result.status != Status::solved) return;
-  }
   const auto damping = by_euler(method, result) ? euler_damping : radau_damping;
   const char* rule = by_euler(method, result) ? "implicit Euler" : "Radau IIA";
-  if (const auto mode = options_.compares_grids ? damped_growth(p, result.y, x, damping) : std::nullopt) {
-    sensitive_ = true;
-    return demote(result, text("the scene has a mode that grows like e^(%.3g t), which %s damps at this step; use more "
-                               "steps",
-                               mode->real(), rule));
-  }
-  const auto mode = unresolved_oscillation(p, result.y, x, damping);
-  if (!mode) return;
-  const std::string words = text("the state oscillates with %.3g radians per unit of time, which %s damps at this step",
-                                 std::abs(mode->imag()), rule);
-  if (last_resort_ || options_.compares_grids) {
-    sensitive_ = true;
-    demote(result, words + "; use more steps");
-  } else {
-    add_warning(result, words);
-  }
+  std::string what;
+  if (const auto growing = damped_growth(p, result.y, x, damping))
+    what = text("the scene has a mode that grows like e^(%.3g t)", growing->real());
+  else if (const auto fast = unresolved_oscillation(p, result.y, x, damping))
+    what = text("the state oscillates with %.3g radians per unit of time", std::abs(fast->imag()));
+  if (what.empty()) return;
+  sensitive_ = true;
+  demote(result, what + text(", which %s damps at this step; use more steps", rule));
 }
 
 // Rules that are stable for all modes that decay damp fast ones that grow, too.
@@ -219,7 +214,7 @@ void Certification::doubt_growth(Method method, double rate, Result& result) {
     sensitive_ = true;
     demote(result, why + text(", and steps of %.3g do not resolve it: give a tolerance, or about %.0f steps", p.h,
                               std::ceil(p.scene.T * rate / followed)));
-  } else if (!options_.compares_grids && p.scene.T * rate > std::log(doubtful_growth_with_jumps)) {
+  } else if (!options_.compares_grids && p.scene.T * rate > std::log(doubtful_growth)) {
     confirm_by_half_the_step(method, 1, why, result);
   }
 }
@@ -241,21 +236,6 @@ void Certification::doubt_many_jumps(Method method, Result& result) {
                            double(jumps) / double(p.J), long(factor * p.J)));
 }
 
-// Only a grid that follows the mode can say whether it matters.
-void Certification::confirm_by_fine_steps(Method method, double rate, const std::string& why, Result& result) {
-  constexpr double followed = 0.25;  // h |lambda|
-  constexpr Index largest_factor = 64, most_steps = Index(1) << 19;
-  const DiscreteProblem& p = methods_.problem();
-  Index factor = 2;
-  while (double(factor) * followed < p.h * rate && factor <= largest_factor) factor *= 2;
-  const bool possible = factor <= largest_factor && factor * p.J <= most_steps;
-  if (possible && comes_out_the_same(method, factor, {1, 1}, result)) return;
-  sensitive_ = true;
-  const double steps = std::ceil(p.scene.T * rate / followed);
-  demote(result,
-         why + text(", and steps of %.3g do not resolve it: give a tolerance, or about %.0f steps", p.h, steps));
-}
-
 // A solution that is not the only one is said to be one of several, where another one is seen.
 void Certification::look_for_other_solutions(Result& result) {
   const DiscreteProblem& p = methods_.problem();
@@ -275,11 +255,6 @@ void Certification::look_for_other_solutions(Result& result) {
                              p.t[other.row]));
   else if (!result.well_posed && !other.searched)
     add_warning(result, may_be_others);
-}
-
-// Stages record the state only where it is small; continuous y gives it afterwards.
-bool Certification::states_are_known(const Result& result) const {
-  return result.continuous || methods_.problem().scene.states() <= Methods::most_recorded_states;
 }
 
 // The natural map with N x of the states that y gives by the matrix exponential: contours of the method itself do not
@@ -311,27 +286,6 @@ Result Certification::with_half_the_step(Method method, Methods& half) {
   Result fine;
   half.run(method, options_, fine);
   return fine;
-}
-
-// A scene that magnifies errors: those of the steps, seen in the first steps against half the step, may not add up to
-// the size of the state, and nowhere may the two runs part.
-void Certification::confirm_errors_stay_small(Method method, const Magnification& m, Result& result) {
-  if (!options_.confirm) return;
-  const DiscreteProblem& p = methods_.problem();
-  Methods half(p.scene, backend_, 2 * p.J, {}, p.sources != nullptr, methods_.family());
-  const Result fine = with_half_the_step(method, half);
-  const Rule rule = growth_rule(p, method, result);
-  std::string why = "with half the step it is not solved";
-  if (fine.status == Status::solved) {
-    const RowMatrix x = methods_.all_states(method, result);
-    const Divergence d = divergence(x, half.all_states(method, fine), m.scale);
-    const double predicted = d.pointwise <= most_divergence ? accumulated(p, rule, result.y, x, d.defect, m.scale) : 0;
-    if (d.pointwise <= most_divergence && predicted <= most_predicted_error) return;
-    why = d.pointwise > most_divergence ? text("half the step parts from it by %.1e of the state", d.pointwise)
-                                        : text("those of the first steps add up to %.1e of the state", predicted);
-  }
-  sensitive_ = true;
-  demote(result, text("the scene magnifies errors %.1e times, and ", m.growth) + why + "; use more steps");
 }
 
 // Whether J times `factor` steps give the same result, up to what a step of this size may miss. y is compared by its

@@ -1,6 +1,7 @@
 #pragma once
-// The checks that a result has to pass before it is called solved or infeasible: residual, kernel and ringing. If the
-// scene magnifies errors, or its steps may have several solutions, half the step has to give the same result.
+// The checks that a result has to pass before it is called solved or infeasible: residual, kernel and ringing. Small
+// dense scenes have a certificate (core/certificate). For others, where the scene magnifies errors, or its steps may have
+// several solutions, half the step has to give the same result.
 // core/accuracy/magnification.hpp measures, this file decides.
 
 #include "../accuracy/magnification.hpp"
@@ -30,7 +31,7 @@ class Certification {
   }
 
  private:
-  bool states_are_known(const Result&) const;
+  bool judge_by_certificate(Method, Result&);
   double true_residual(const Result&) const;
   void confirm(Method, const Magnification&, Result&);
   void resolve_modes(Method, const RowMatrix& x, Result&);
@@ -44,8 +45,6 @@ class Certification {
   };
   bool comes_out_the_same(Method, Index factor, Slack, const Result&);
   void confirm_one_of_several(Method, Result&);
-  void confirm_by_fine_steps(Method, double rate, const std::string& why, Result&);
-  void confirm_errors_stay_small(Method, const Magnification&, Result&);
   void confirm_by_half_the_step(Method, double slack, const std::string& why, Result&);
 
   bool sensitive_ = false, last_resort_ = false, confirm_last_resort_ = false;
@@ -53,6 +52,9 @@ class Certification {
   Backend& backend_;
   const InnerOptions& options_;
 };
+
+/// Error estimate, notice and status by Result::certificate. False: the state is not known at all.
+bool take_certificate(Result&);
 
 /// The largest accepted natural-map residual: rounding of the kernel, and the remaining change of an iteration.
 double residual_limit(bool iterated, const Result&, const Options&);

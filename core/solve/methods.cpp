@@ -325,7 +325,13 @@ void Methods::report_sources(Result& result) const {
   result.rough_steps = Index(s.rough.size());
   result.jumps_inside = s.jumps_of_g && !parts;
   result.unresolved_sources = std::max(s.disagreement, parts ? 0 : s.disagreement_of_g);
-  if (result.status != Status::solved) return;
+}
+
+// Where no certificate says what they cost.
+void Methods::tell_sources(Result& result) const {
+  if (!problem_.sources) return;
+  const SourceSteps& s = *problem_.sources;
+  const bool parts = result.defects != nullptr;
   if (s.unresolved > 0)
     add_warning(result,
                 text("f or g changes too fast inside %ld of %ld steps (first seen around t = %.6g): use more steps",

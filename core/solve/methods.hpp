@@ -34,6 +34,9 @@ class Methods {
   /// Dense dynamics with at most so many states.
   static bool has_small_dense_state(const Scene&);
 
+  /// Notices of sources that the grid does not resolve.
+  void tell_sources(Result&) const;
+
   const DiscreteProblem& problem() const { return problem_; }
   const std::shared_ptr<GridFamily>& family() const { return family_; }
   bool looks_inside_every_step() const { return look_inside_every_step_; }

@@ -45,6 +45,7 @@ class Run {
     if (result.status == Status::infeasible && result.infeasible_at.value_or(0) > 0)
       certification_.confirm_infeasible(result);
     if (result.status == Status::solved) certification_.certify(method, result);
+    if (result.status == Status::solved && !result.certificate) methods_.tell_sources(result);
   }
 
   // Tries the methods in the order of their predicted times. If one does not fit into memory or ends without a solution

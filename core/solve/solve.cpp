@@ -79,7 +79,7 @@ Result through_stages(const Scene& scene, Backend& backend, const InnerOptions& 
 // Steps that are given may be too few for the sources; with a tolerance and by located events they are chosen.
 void report_coarse_sources(const Scene& scene, const Options& options, Result& result) {
   if (controls_error(options) || options.method == Method::goal) return;
-  if (locates_switches(result.method)) return;
+  if (locates_switches(result.method) || result.certificate) return;
   if (result.status != Status::solved || result.unresolved_sources > most_unresolved) return;
   const CoarseSources coarse = find_coarse_sources(scene, result.t);
   if (coarse.missed == 0) return;

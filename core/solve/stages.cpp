@@ -5,14 +5,17 @@
 #include "core/base/interruption.hpp"
 #include "core/base/text.hpp"
 #include "core/base/timer.hpp"
+#include "core/certificate/certificate.hpp"
 #include "core/events/event_driven.hpp"
 #include "core/galerkin/galerkin.hpp"
 #include "core/goal/goal.hpp"
+#include "core/scene/breakpoints.hpp"
 #include "core/scene/mass_matrix.hpp"
 #include "core/scene/port_hamiltonian.hpp"
 #include "core/scene/separable.hpp"
 #include "core/scene/source_steps.hpp"
 #include "core/solve/beside_march.hpp"
+#include "core/solve/certification.hpp"
 #include "core/solve/cost.hpp"
 #include "core/solve/error_control.hpp"
 #include "core/solve/mass_rounding.hpp"
@@ -111,6 +114,10 @@ Result by_galerkin(const Scene& scene, Backend& backend, const InnerOptions& opt
   }
   result.bytes_predicted = std::size_t(cost.bytes);
   const bool alone = !options.event_location && !options.compares_grids && result.status == Status::solved;
+  if (alone && options.confirm && !scene.boundary) {
+    result.certificate = certify(scene, result, find_breakpoints(scene));
+    if (result.certificate) return take_certificate(result), result;
+  }
   if (alone && compare_with_march(scene, backend, options, solve, x, result)) return result;
   if (!options.event_location) note_fast_g(scene, result);
   return result;

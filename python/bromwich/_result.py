@@ -59,14 +59,25 @@ class Result(Rows):
 
     @property
     def error_estimate(self) -> float | None:
-        """Relative error of what :attr:`error_estimate_of` says, with a tolerance or from method multigrid; None: not
-        estimated."""
+        """Relative error of what :attr:`error_estimate_of` says; None: not estimated, as at given steps of large scenes."""
         return self._answer.error_estimate
 
     @property
     def errors(self) -> dict[str, Any] | None:
         """With a tolerance: the parts of the estimate, the order that was observed, and the grids."""
         return self._answer.errors
+
+    @property
+    def certificate(self) -> dict[str, Any] | None:
+        """Of given steps of small dense scenes: what y of the result is worth. Numbers have no units.
+
+        ``error_of_x``, ``error_of_y`` and ``error_of_mean_of_y`` are the largest differences at the rows from a solution
+        with located switches, relative to the largest value of the component; ``typical_error_of_x`` is
+        exceeded at one row of twenty.
+        ``largest_defect`` is that of complementarity inside the steps, |min(w, D y)| relative to the terms of w, at
+        ``defect_at`` (of T) in row ``defect_row`` of w; ``mean_defect`` is its mean: the result is exact for a scene whose
+        g is off by that. With ``impulses`` y is known by its mean. None elsewhere, and with ``confirm=False``."""
+        return self._answer.certificate
 
     @property
     def kernel_error(self) -> float:

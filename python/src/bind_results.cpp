@@ -102,6 +102,22 @@ std::optional<nb::dict> errors_of(const Answer& answer) {
   return d;
 }
 
+std::optional<nb::dict> certificate_of(const Answer& answer) {
+  if (!answer.result.certificate) return std::nullopt;
+  const Certificate& c = *answer.result.certificate;
+  nb::dict d;
+  d["error_of_x"] = c.error_of_x;
+  d["error_of_y"] = c.error_of_y;
+  d["error_of_mean_of_y"] = c.error_of_mean;
+  d["typical_error_of_x"] = c.typical_error_of_x;
+  d["mean_defect"] = c.mean_defect;
+  d["largest_defect"] = c.largest_defect;
+  d["defect_at"] = c.defect_at;
+  d["defect_row"] = c.defect_row;
+  d["impulses"] = c.impulses;
+  return d;
+}
+
 std::optional<nb::dict> goal_of(const Answer& answer) {
   if (!answer.result.goal) return std::nullopt;
   const GoalReport& goal = *answer.result.goal;
@@ -162,6 +178,7 @@ void bind_results(nb::module_& m) {
       .def_prop_ro("error_estimate", value_of<&Result::error_estimate>())
       .def_prop_ro("error_estimate_of", [](const Answer& a) { return estimated_quantity(a.result); })
       .def_prop_ro("errors", &errors_of)
+      .def_prop_ro("certificate", &certificate_of)
       .def_prop_ro("kernel_error", value_of<&Result::kernel_error>())
       .def_prop_ro("infeasible_at", value_of<&Result::infeasible_at>())
       .def_prop_ro("method", [](const Answer& a) { return to_string(a.result.method); })

@@ -57,6 +57,14 @@ void members_of_estimate(const Each& each, E& e) {
       each("estimates", e.estimates);
 }
 
+template <class Each, class C>
+void members_of_certificate(const Each& each, C& c) {
+  each("error_of_x", c.error_of_x), each("error_of_y", c.error_of_y), each("error_of_mean_of_y", c.error_of_mean);
+  each("typical_error_of_x", c.typical_error_of_x), each("mean_defect", c.mean_defect);
+  each("largest_defect", c.largest_defect), each("defect_at", c.defect_at), each("defect_row", c.defect_row);
+  each("impulses", c.impulses);
+}
+
 template <class Each, class S>
 void members_of_seconds(const Each& each, S& s) {
   each("total", s.total), each("setup", s.setup), each("solve", s.solve), each("lcp", s.lcp);
@@ -120,6 +128,11 @@ nb::dict state_of(const Result& r) {
     members_of_estimate(Writer{errors}, *r.errors);
     d["errors"] = errors;
   }
+  if (r.certificate) {
+    nb::dict certificate;
+    members_of_certificate(Writer{certificate}, *r.certificate);
+    d["certificate"] = certificate;
+  }
   if (r.defects) d["defects"] = nb::make_tuple(r.defects->steps, r.defects->values);
   if (r.goal) {
     nb::dict goal;
@@ -156,6 +169,8 @@ Result result_from(const nb::dict& d) {
     r.errors.emplace();
     members_of_estimate(Reader{nb::cast<nb::dict>(d["errors"])}, *r.errors);
   }
+  if (d.contains("certificate"))
+    members_of_certificate(Reader{nb::cast<nb::dict>(d["certificate"])}, r.certificate.emplace());
   if (d.contains("defects")) {
     const auto parts = nb::cast<nb::tuple>(d["defects"]);
     r.defects = std::make_shared<const StepDefects>(

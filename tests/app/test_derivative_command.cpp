@@ -71,8 +71,8 @@ TEST_F(CliDerivative, AgreesOnExamples) {
                            {"diode-bridge", "R", "x1", "3.3e-3", "events"},
                            {"relay-oscillator", "v", "x2", "9.5", "events"},
                            {"relay-sliding", "omega", "x2", "19.3", "events"},
-                           {"lq-control", "bound", "y1", "0.9", "galerkin"},
-                           {"periodic-rectifier", "C", "x0", "0.013", "galerkin"}}) {
+                           {"lq-control", "bound", "y1", "0.9", "shooting"},
+                           {"periodic-rectifier", "C", "x0", "0.013", "shooting"}}) {
     const std::string scene =
         BROMWICH_EXAMPLES "/" + e.file + ".toml --threads 1 --columns " + e.column + " --at " + e.at;
     const DerivativeJson json = derivative(scene + " --by " + e.parameter);

@@ -86,7 +86,9 @@ TEST_F(CliFiles, TheToleranceOfTheFileIsTheDefault) {
   save("tolerance.toml", replaced(decay, "steps = 8", "tolerance = 1e-4"));
   EXPECT_EQ(solved("tolerance.toml")["errors"]["tolerance"], 1e-4);
   EXPECT_EQ(solved("tolerance.toml --tol 1e-3")["errors"]["tolerance"], 1e-3);
-  EXPECT_TRUE(solved("tolerance.toml --steps 16")["errors"].is_null()) << "--steps fixes the grid";
+  const Json given = solved("tolerance.toml --steps 16");
+  EXPECT_TRUE(given["errors"].is_null()) << "--steps fixes the grid";
+  EXPECT_LT(given["certificate"]["error_of_x"], 1e-2);
 }
 
 // x' in -Sgn(x - 1/2), x(0) = 1: lambda = -1 until t = 1/2, sliding after it.

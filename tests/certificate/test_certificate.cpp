@@ -19,8 +19,8 @@ Result march(const Scene& scene, Index steps) {
   return solve(scene, *make_cpu_backend(1), options);
 }
 
-// One Newton correction on parts of a third of a step leaves a ninth of an error of second order: the estimate is 8/9
-// of it. Where sets change in a step, both are of chance; most are within a factor of 3.
+// The truth is that of an oracle that shares no code with the reference of the certificate. Breakpoints of sources that
+// are found by their values, and rows at jumps, leave a few differences.
 TEST(CertificateOfY, EstimatesTheErrorOfGivenSteps) {
   int compared = 0, near = 0;
   for (std::uint32_t seed = 41000000; seed < 41000080; ++seed) {
@@ -30,15 +30,14 @@ TEST(CertificateOfY, EstimatesTheErrorOfGivenSteps) {
     const Result r = march(s.scene, 100);
     if (r.status != Status::solved) continue;
     const auto c = certify(s.scene, r, find_breakpoints(s.scene), r.x);
-    ASSERT_TRUE(c) << seed;
-    EXPECT_EQ(c->until, 1) << seed;
+    if (!c) continue;  // the located solution is not the only one
     const double error = oracle::true_error(s, truth, r).x;
-    if (!(error > 1e-5)) continue;  // below, the times to which breakpoints are moved show
+    if (!(error > 1e-4)) continue;  // the reference has a tolerance of 1e-7 a step
     ++compared;
-    near += c->error_of_x > 0.3 * error && c->error_of_x < 3 * error;
+    near += std::abs(c->error_of_x - error) < 0.01 * error;
   }
   EXPECT_GE(compared, 30);
-  EXPECT_GE(near, 0.85 * compared);
+  EXPECT_GE(near, 0.9 * compared);
 }
 
 // Numbers without units: x, y and t in others give the same ones.
@@ -82,8 +81,8 @@ TEST(CertificateOfY, SeesAYThatIsNoSolution) {
   const auto wrong = certify(scene, r, {});
   ASSERT_TRUE(wrong);
   EXPECT_GT(wrong->mean_defect, 0.3);
-  // (3 - 3 e^{-2})/2 = 1.297 for 1 - e^{-1} = 0.632, of which it is 1.05.
-  EXPECT_NEAR(wrong->error_of_x, 1.05, 0.02);
+  // (3 - 3 e^{-2})/2 = 1.297 for 1 - e^{-1} = 0.632: 0.5126 of the larger one.
+  EXPECT_NEAR(wrong->error_of_x, 0.5126, 1e-3);
 }
 
 }  // namespace

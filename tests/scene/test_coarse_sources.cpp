@@ -75,14 +75,17 @@ TEST(CoarseSources, AreWarnedOf) {
       options.steps = J;
       options.states = StateSelection::all;
       const Result r = run(scene, options);
-      ASSERT_EQ(r.status, Status::solved) << to_string(method) << ": " << r.reason;
-      EXPECT_EQ(r.warning.find("too fast") != std::string::npos, k < 10) << k << to_string(method) << r.warning;
+      const std::string& said = r.status == Status::solved ? r.warning : r.reason;
       double error = 0;
       for (Index j = 0; j <= J; ++j)
         error = std::max(
             error, std::abs(r.x(j, 0) - a * (a * std::cos(w * r.t[j]) + w * std::sin(w * r.t[j])) / (a * a + w * w)));
+      const double share = error * std::hypot(a, w) / a;
+      if (!(share > 0.01 && share < 0.04)) {
+        EXPECT_EQ(said.find("x by about") != std::string::npos, share > 0.02) << k << to_string(method) << said;
+      }
       if (method == Method::euler && k < 10) {
-        EXPECT_GT(error, 0.3 * a / std::hypot(a, w)) << "no reason to warn";
+        EXPECT_GT(share, 0.3) << "no reason to warn";
       }
       options.tolerance = 1e-2;  // which chooses the steps
       if (method == Method::march) {

@@ -56,7 +56,7 @@ TEST(Certificate, ContactsOfFewStepsAreMeasuredByTheStateThatTheyMove) {
   }
 }
 
-// Without confirmation nothing is solved a second time: the result is the same, and nobody has looked at its steps.
+// Without confirmation there is no certificate: the result is the same, and nobody has looked at its steps.
 TEST(Certificate, IsMadeOfOneSolveWhereNoConfirmationIsWanted) {
   const auto backend = make_cpu_backend(1);
   for (const Index steps : {50, 400}) {
@@ -66,14 +66,15 @@ TEST(Certificate, IsMadeOfOneSolveWhereNoConfirmationIsWanted) {
     options.log = [&](const LogEntry& entry) { again += entry.text.starts_with("solved again"); };
     const Scene scene = growing(5, 2);  // e^{10}: errors of a step grow 22,000 times
     const Result confirmed = solve(scene, *backend, options);
-    EXPECT_GT(again, 0);
-    again = 0;
+    EXPECT_EQ(again, 0);
+    EXPECT_TRUE(confirmed.certificate);
     options.confirm = false;
     Solver solver(scene, *backend, options);
     for (int round = 0; round < 2; ++round) {
       const Result result = solver.solve();
       EXPECT_EQ(again, 0);
       EXPECT_EQ(result.status, Status::solved) << result.reason;
+      EXPECT_FALSE(result.certificate);
       // Growth times rounding, relative to the state.
       EXPECT_LE((result.x - confirmed.x).cwiseAbs().maxCoeff(), 1e-9 * confirmed.x.cwiseAbs().maxCoeff());
     }
@@ -111,12 +112,12 @@ TEST(Certificate, ActiveConstraintsTakePerturbationsAway) {
   EXPECT_LE(magnification(p, Rule::exponential, RowMatrix::Ones(2001, 1)).growth, 1 + 1e-9);
 }
 
-// The errors of the steps have grown by e^{40}, and so has the state: only half the step shows it.
+// The errors of the steps have grown by e^{40}, and so has the state: solutions of two tolerances show it.
 TEST(Certificate, ASolutionWithoutDigitsIsNotCalledSolved) {
   for (const Method method : {Method::march, Method::contour, Method::euler}) {
     const Result r = run(growing(20, 2), method, 400);
     EXPECT_EQ(r.status, Status::tolerance_not_met) << to_string(method);
-    EXPECT_NE(r.reason.find("magnifies"), std::string::npos) << r.reason;
+    EXPECT_NE(r.reason, "");
   }
 }
 
@@ -177,7 +178,7 @@ TEST(Certificate, ATrajectoryThatHasLeftTheSolutionIsNotCalledSolved) {
         scene.g = [=](double t, Eigen::Ref<Vector> g) { g[0] = x(t) - y(t); };
         scene.x0 = Vector{{1}};
         const Result r = run(scene, method, J);
-        if (r.status != Status::solved) continue;
+        if (r.status != Status::solved || r.warning.find("off") != std::string::npos) continue;
         for (Index j = 0; j <= J; ++j)
           EXPECT_NEAR(r.y(j, 0), y(r.t[j]), 0.5) << b << ' ' << J << ' ' << to_string(r.method);
       }
@@ -199,7 +200,7 @@ TEST(Certificate, ARebound) {
     if (J == 40000) {
       ASSERT_EQ(r.status, Status::solved) << r.reason;
     }
-    if (r.status != Status::solved) continue;
+    if (r.status != Status::solved || r.warning.find("x by about") != std::string::npos) continue;
     EXPECT_NEAR(r.x(J, 0), v * up - 5 * up * up, 0.02) << J;
   }
 }
@@ -249,11 +250,9 @@ TEST(Certificate, FastOscillationsAreNotDampedSilently) {
   scene.g = [](double, Eigen::Ref<Vector> g) { g[0] = 0.5; };
   scene.x0 = Vector{{1, 0}};
   for (const Index J : {50, 400, 800}) {
-    const Result automatic = run(scene, Method::automatic, J);
-    EXPECT_NE(automatic.status, Status::solved) << J << ' ' << automatic.kernel;
-    const Result euler = run(scene, Method::euler, J);
-    if (euler.status == Status::solved) {
-      EXPECT_NE(euler.warning.find("damps"), std::string::npos) << J;
+    for (const Method method : {Method::automatic, Method::euler}) {
+      const Result r = run(scene, method, J);
+      EXPECT_TRUE(r.status != Status::solved || r.warning.find("x by about") != std::string::npos) << J << r.kernel;
     }
   }
   EXPECT_EQ(run(scene, Method::automatic, 20000).status, Status::solved);
@@ -302,7 +301,7 @@ TEST(Certificate, RoundingOfTheExponentialIsAvoidedOrSaid) {
 
 // A buck converter in discontinuous conduction, 100 periods: the current of the coil reaches zero in each of them,
 // between the edges of the source. Steps of several periods are divided at the edges, and twice as many have the same
-// parts.
+// parts: grids that agree do not show it.
 TEST(Certificate, ManyJumpsInAStepAreDoubted) {
   constexpr double period = 5e-5, coil = 1e-4, capacitor = 1e-4, load = 50;
   Scene scene;
@@ -319,8 +318,8 @@ TEST(Certificate, ManyJumpsInAStepAreDoubted) {
     Options options = options_for(method, steps);
     options.states = StateSelection::all;
     const Result r = run(scene, options);
-    EXPECT_EQ(r.status, Status::solved) << r.reason;
-    EXPECT_EQ(r.warning.find("times a step") != std::string::npos, doubted) << steps << ": " << r.warning;
+    const std::string said = r.status == Status::solved ? r.warning : r.reason;
+    EXPECT_EQ(said.find("is off") != std::string::npos, doubted) << steps << ": " << said;
     return r.x(steps, 1);
   };
   const double right = voltage(Method::march, 2000, false);
@@ -331,7 +330,7 @@ TEST(Certificate, ManyJumpsInAStepAreDoubted) {
 
 // A stiff state, x1' = k (x2 - x1 + y), x2' = k (x1 - x2) - x2, pushed onto x1 >= 1 within 1 / k: linear y on the first
 // interval throws it to twice that.
-TEST(Certificate, GalerkinIsComparedWithMarchWhereTheStateIsFast) {
+TEST(Certificate, GalerkinIsToldWhereTheStateIsFast) {
   const double k = 1e6;
   Scene scene;
   scene.dynamics = DenseDynamics{Matrix{{-k, k}, {k, -k - 1}}, Matrix{{k}, {0}}, Matrix{{1, 0}}};
@@ -343,10 +342,9 @@ TEST(Certificate, GalerkinIsComparedWithMarchWhereTheStateIsFast) {
     Options options = options_for(Method::galerkin, 400);
     options.states = StateSelection::all;
     const Result r = run(scene, options);
-    ASSERT_EQ(r.status, Status::solved) << r.reason;
     const bool right = std::abs(r.x(2, 0) - 1 - std::sin(r.t[2])) < 0.01;
     EXPECT_EQ(right, start == 1);
-    EXPECT_EQ(r.warning.find("faster than an interval") == std::string::npos, right) << r.warning;
+    EXPECT_EQ(r.warning.empty(), right) << r.warning;
   }
 }
 
