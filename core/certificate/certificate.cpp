@@ -121,7 +121,8 @@ class Distances {
   }
 
   void add(Index j, const Vector& x) {
-    const double near = near_row * (r_.t[j] - r_.t[j - 1]), before = r_.t[j] - near, behind = std::min(r_.t[j] + near, T_);
+    const double near = near_row * (r_.t[j] - r_.t[j - 1]), before = r_.t[j] - near,
+                 behind = std::min(r_.t[j] + near, T_);
     const Vector left = located_.y(before, true), right = located_.y(behind, false), y = r_.y.row(j).transpose();
     y_off_ = y_off_.cwiseMax(outside(left, right, y));
     effect_off_ = effect_off_.cwiseMax(outside(effect_ * left, effect_ * right, effect_ * y));
@@ -138,8 +139,8 @@ class Distances {
 
   void summarise(const Defect& defect, Certificate& c) const {
     const ComponentSizes sizes;
-    const Vector least_y = (defect.answers().array() > 0)
-                               .select(no_size * defect.terms().cwiseQuotient(defect.answers()), 0.0);
+    const Vector least_y =
+        (defect.answers().array() > 0).select(no_size * defect.terms().cwiseQuotient(defect.answers()), 0.0);
     const Vector size_of_effect = sizes.of(effect_size_).cwiseMax(effect_.cwiseAbs() * least_y);
     c.error_of_x = largest_share(x_off_, size_of_x());
     std::vector<double> rows = of_rows_;

@@ -10,8 +10,8 @@
 //     error            the difference from a solution of the same scene with located switches (core/events), which
 //                      shares no step, rule or weight with the result. Where the scene magnifies errors, the two part.
 //
-// The error is no Newton correction with the active sets of y held (one linear march by the exact flow): where y acts on
-// the second derivative of w, w = 0 at both nodes of a part doubles the velocity that is left at its begin.
+// The error is no Newton correction with the active sets of y held (one linear march by the exact flow): where y acts
+// on the second derivative of w, w = 0 at both nodes of a part doubles the velocity that is left at its begin.
 
 #include "../result/certificate.hpp"
 #include "../result/result.hpp"

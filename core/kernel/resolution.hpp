@@ -17,7 +17,8 @@ std::optional<Matrix> closed_matrix(const Matrix& A, const Matrix& B, const Matr
                                     const std::vector<Index>& S);
 
 /// The eigenvalue lambda (1/time) of the fastest mode contained in the states x that grows noticeably while its active
-/// set lasts, has h |lambda| > 1/2, and is made to decay by the method: grids may then agree in a solution without it. `damping`: see below.
+/// set lasts, has h |lambda| > 1/2, and is made to decay by the method: grids may then agree in a solution without it.
+/// `damping`: see below.
 std::optional<Complex> damped_growth(const DiscreteProblem&, const RowMatrix& y, const RowMatrix& x,
                                      double (*damping)(Complex z));
 

@@ -19,18 +19,18 @@ namespace {
 constexpr double most_kernel_error = 1e-6;  ///< two ways to the same weights, relative to the largest
 /// Few nodes miss by a few hundredths, a contour through the spectrum by 1.
 constexpr double most_literal_residual = 0.1;
-constexpr double most_rounding = 1e-4;    ///< of the state, left by rounding
-constexpr double most_correction = 1e-4;  ///< of y, to be consistent with its states
-constexpr double doubtful_growth = 1e6;   ///< of perturbations: larger growth of the error of one step is checked
-constexpr Index fewest_steps_to_judge = 32;         ///< on coarser grids every contact is short
-constexpr double unresolved_impulse = 0.1;          ///< of the state, in a step in which the active set changes
-constexpr double most_mean_change = 0.1;            ///< of y and x with half the step, if compared
-constexpr double most_typical_change = 0.05;        ///< of x at 95 of 100 time points
-constexpr double cancelled = 1e-12;                 ///< a state below this part of its terms is 0
-constexpr double confirmed_change = 0.05;           ///< of y before a step without a solution
-constexpr double most_unresolved = 0.01;            ///< of a source: others are said to change too fast
-constexpr double worth_a_notice = 0.02;             ///< estimated error of a component
-constexpr double most_typical_error = 0.5;          ///< of the state, at one row of twenty
+constexpr double most_rounding = 1e-4;        ///< of the state, left by rounding
+constexpr double most_correction = 1e-4;      ///< of y, to be consistent with its states
+constexpr double doubtful_growth = 1e6;       ///< of perturbations: larger growth of the error of one step is checked
+constexpr Index fewest_steps_to_judge = 32;   ///< on coarser grids every contact is short
+constexpr double unresolved_impulse = 0.1;    ///< of the state, in a step in which the active set changes
+constexpr double most_mean_change = 0.1;      ///< of y and x with half the step, if compared
+constexpr double most_typical_change = 0.05;  ///< of x at 95 of 100 time points
+constexpr double cancelled = 1e-12;           ///< a state below this part of its terms is 0
+constexpr double confirmed_change = 0.05;     ///< of y before a step without a solution
+constexpr double most_unresolved = 0.01;      ///< of a source: others are said to change too fast
+constexpr double worth_a_notice = 0.02;       ///< estimated error of a component
+constexpr double most_typical_error = 0.5;    ///< of the state, at one row of twenty
 
 // The rule by which perturbations are carried from step to step. For Radau IIA that of implicit Euler or, if h is an
 // eigenvalue of A^{-1}, the exponential.
@@ -118,7 +118,8 @@ void Certification::certify(Method method, Result& result) {
   if (options_.confirm && result.status == Status::solved) resolve_modes(method, m.x, result);
   if (rational && result.status == Status::solved) doubt_growth(method, growth_rate(p), result);
   if (result.status == Status::solved) doubt_many_jumps(method, result);
-  if (result.status == Status::solved) estimate_errors_at_jumps(method, result);
+  if (result.status == Status::solved && result.unresolved_sources <= most_unresolved)
+    estimate_errors_at_jumps(method, result);
   if (result.status == Status::solved) look_for_other_solutions(result);
 }
 
@@ -146,7 +147,9 @@ bool take_certificate(Result& result) {
   result.error_estimate = std::max(of_y, c.error_of_x);
   std::string parts;
   for (const auto& [what, size] : {std::pair("x", c.error_of_x), {c.impulses ? "the mean of y" : "y", of_y}})
-    if (size > worth_a_notice) parts += (parts.empty() ? "" : ", ") + text(size < 0.1 ? "%s by about %.1f %%" : "%s by about %.0f %%", what, 100 * size);
+    if (size > worth_a_notice)
+      parts += (parts.empty() ? "" : ", ") +
+               text(size < 0.1 ? "%s by about %.1f %%" : "%s by about %.0f %%", what, 100 * size);
   if (parts.empty()) return true;
   const std::string off = "with these steps the result is off: " + parts + "; use more steps or a tolerance";
   if (std::min(c.typical_error_of_x, c.error_of_x) <= most_typical_error) return add_warning(result, off), true;

@@ -1,8 +1,8 @@
 #pragma once
 // The checks that a result has to pass before it is called solved or infeasible: residual, kernel and ringing. Small
-// dense scenes have a certificate (core/certificate). For others, where the scene magnifies errors, or its steps may have
-// several solutions, half the step has to give the same result.
-// core/accuracy/magnification.hpp measures, this file decides.
+// dense scenes have a certificate (core/certificate). For others, where the scene magnifies errors, or its steps may
+// have several solutions, half the step has to give the same result. core/accuracy/magnification.hpp measures, this
+// file decides.
 
 #include "../accuracy/magnification.hpp"
 #include "methods.hpp"

@@ -125,8 +125,9 @@ TEST_F(Bench, TolSetsEstimatesBesideTrueErrors) {
     EXPECT_EQ(row["reference"], "the exact solution");
     for (const char* of : {"y", "x"}) {
       EXPECT_LE(row["error"][of], row["tolerance"]);
-      // Smooth between few kinks: the estimate equals the error to a tenth.
-      EXPECT_NEAR(row["effectivity"][of], 1, 0.1) << row;
+      // The estimate is the difference of two solutions of third order, of which the finer one is the result.
+      EXPECT_GE(row["effectivity"][of], 0.9) << row;
+      EXPECT_LE(row["effectivity"][of], 8) << row;
     }
     const double parts = row["parts"]["discretisation"].get<double>() + row["parts"]["rounding"].get<double>() +
                          row["parts"]["iteration"].get<double>();

@@ -101,7 +101,10 @@ TEST_P(Example, AutoReachesTheReference) {
   const SceneFile file = read(GetParam());
   ASSERT_TRUE(file.reference) << "a scene file of the project says what is known of its solution";
   const Reference& known = *file.reference;
-  const Result result = run_with_states(file.scene, Method::automatic);
+  Options options = options_for(Method::automatic);
+  options.states = StateSelection::all;
+  options.tolerance = file.tolerance.value_or(0);
+  const Result result = run(file.scene, options);
   ASSERT_STREQ(to_string(result.status), known.status.c_str()) << result.reason;
   if (known.infeasible_at) {
     ASSERT_TRUE(result.infeasible_at);
