@@ -28,7 +28,6 @@ constexpr double most_mean_change = 0.1;      ///< of y and x with half the step
 constexpr double most_typical_change = 0.05;  ///< of x at 95 of 100 time points
 constexpr double cancelled = 1e-12;           ///< a state below this part of its terms is 0
 constexpr double confirmed_change = 0.05;     ///< of y before a step without a solution
-constexpr double most_unresolved = 0.01;      ///< of a source: others are said to change too fast
 constexpr double worth_a_notice = 0.02;       ///< estimated error of a component
 constexpr double most_typical_error = 0.5;    ///< of the state, at one row of twenty
 
@@ -118,15 +117,19 @@ void Certification::certify(Method method, Result& result) {
   if (options_.confirm && result.status == Status::solved) resolve_modes(method, m.x, result);
   if (rational && result.status == Status::solved) doubt_growth(method, growth_rate(p), result);
   if (result.status == Status::solved) doubt_many_jumps(method, result);
-  if (result.status == Status::solved && result.unresolved_sources <= most_unresolved)
-    estimate_errors_at_jumps(method, result);
+  if (result.status == Status::solved && !sources_are_unresolved()) estimate_errors_at_jumps(method, result);
   if (result.status == Status::solved) look_for_other_solutions(result);
+}
+
+bool Certification::sources_are_unresolved() const {
+  const auto& sources = methods_.problem().sources;
+  return sources && sources->unresolved > 0;
 }
 
 // Small dense scenes: the error of each part of the result, from y alone.
 bool Certification::judge_by_certificate(Method method, Result& result) {
   const DiscreteProblem& p = methods_.problem();
-  if (!Methods::has_small_dense_state(p.scene) || result.unresolved_sources > most_unresolved) return false;
+  if (!Methods::has_small_dense_state(p.scene) || sources_are_unresolved()) return false;
   std::vector<double> breakpoints = p.scene.breakpoints;
   for (const RoughStep& rough : p.sources ? p.sources->rough : std::vector<RoughStep>()) {
     breakpoints.insert(breakpoints.end(), rough.ends.begin(), rough.ends.end());
@@ -164,8 +167,7 @@ void Certification::confirm(Method method, const Magnification& m, Result& resul
   const bool continuous = !by_euler(method, result) && result.continuous;
   if (!result.well_posed)
     confirm_one_of_several(method, result);
-  else if (m.growth > doubtful_growth ||
-           (Methods::has_small_dense_state(p.scene) && result.unresolved_sources <= most_unresolved))
+  else if (m.growth > doubtful_growth || (Methods::has_small_dense_state(p.scene) && !sources_are_unresolved()))
     confirm_by_half_the_step(method, 1, text("errors of a step grow up to %.1e times with these steps", m.growth),
                              result);
   // With M of class P a contact is a spring, however stiff, and its rebound wants to be resolved. (With M = 0 an
