@@ -3,21 +3,19 @@
 //
 //     bromwich_trust [--count 300] [--first-seed 0] [--seed K] [--method auto] [--tol 1e-3] [--steps J]
 //                    [--seconds 3] [--list all|wrong|refused|none] [--out FILE.json] [--rows all|bad]
-//                    [--jobs 1] [--until SECONDS] [--undecided solve|skip] [--states M] [--certificate no|yes]
+//                    [--jobs 1] [--until SECONDS] [--undecided solve|skip] [--states M]
 //
 // Counts scenes solved correctly, solved wrong (an error above three times the tolerance), refused although a change of
 // the data by 1e-10 moves the solution by less than a tenth of the tolerance, and refused otherwise. Scenes that the
 // oracle cannot decide are counted separately. --seed K: one scene in detail. --steps J: fixed steps instead of a
 // tolerance, with --tol for the judgement. --jobs K: K scenes at a time. --until S: no scene is begun after S seconds;
 // the seeds that were judged are the first ones. --undecided skip: scenes that the oracle cannot decide are not solved.
-// --certificate yes: the estimate is that of core/certificate, and is compared with the true errors of x and y.
+// With --steps, estimates of certificates (core/certificate) are compared with the true errors of x and y.
 // --states M: each scene among M sparse states (M > 512 stays sparse). The exit code is 1 if a result is wrong.
 
 #include "tests/support/trust.hpp"
 #include "core/base/error.hpp"
 #include "core/build_info.hpp"
-#include "core/certificate/certificate.hpp"
-#include "core/scene/breakpoints.hpp"
 #include "cpu/cpu_backend.hpp"
 
 #include <Eigen/Dense>
@@ -48,7 +46,7 @@ using nlohmann::ordered_json;
 
 struct Arguments {
   std::uint32_t count = 300, first_seed = 0;
-  bool one = false, skip_undecided = false, certifies = false;
+  bool one = false, skip_undecided = false;
   Method method = Method::automatic;
   double tolerance = 1e-3, seconds = 3, until = INFINITY;
   Index steps = 0, states = 0;
@@ -86,8 +84,6 @@ Arguments parse(int argc, char** argv) {
       a.jobs = std::max(1, std::stoi(value));
     else if (name == "--states")
       a.states = std::stol(value);
-    else if (name == "--certificate")
-      a.certifies = value == "yes";
     else if (name == "--undecided")
       a.skip_undecided = value == "skip";
     else if (name == "--until")
@@ -170,11 +166,9 @@ void print_scene(const oracle::SourceScene& s) {
   print_sources(d.T);
 }
 
-void certify(const Scene& scene, const Result& r, bool y_unique, Outcome& o) {
-  const auto c = bromwich::certify(scene, r, find_breakpoints(scene), r.x);
-  if (!c) return;
-  o.estimate_x = c->error_of_x;
-  o.estimate_y = o.error.of_mean ? c->error_of_mean : c->error_of_y;
+void take_certificate(const Certificate& c, bool y_unique, Outcome& o) {
+  o.estimate_x = c.error_of_x;
+  o.estimate_y = o.error.of_mean ? c.error_of_mean : c.error_of_y;
   o.y_counts = y_unique;
   o.estimate = y_unique ? std::max(o.estimate_x, o.estimate_y) : o.estimate_x;
 }
@@ -211,7 +205,8 @@ Outcome run(std::uint32_t seed, Backend& backend, const Arguments& a) {
     const bool same_y = truth.y_unique && (truth.jumps == 0 || (r.errors && r.errors->of_integral));
     o.estimate = same_y || !r.errors ? r.error_estimate.value_or(NAN) : r.errors->states;
     if (r.status == Status::solved && truth.decided) o.error = oracle::true_error(s, truth, r);
-    if (a.certifies && r.status == Status::solved && truth.decided) certify(s.scene, r, truth.y_unique, o);
+    if (r.certificate && r.status == Status::solved && truth.decided)
+      take_certificate(*r.certificate, truth.y_unique, o);
   } catch (const std::exception& error) {
     o.status = "error";
     o.reason = error.what();
@@ -400,7 +395,7 @@ void write(const Arguments& a, const std::vector<Outcome>& all, const Summary& s
                     {"effectivity", quantiles},
                     {"effectivity_in_0.3_to_3", within(s.effectivity)},
                     {"scenes", rows}};
-  if (a.certifies) json["certificates"] = as_json(s.certificates);
+  if (a.steps > 0) json["certificates"] = as_json(s.certificates);
   std::ofstream file(a.out);
   file << json.dump(1) << '\n';
   if (!file.flush()) throw std::runtime_error("--out: could not write " + a.out);

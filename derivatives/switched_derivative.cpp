@@ -192,7 +192,11 @@ Vector SwitchedDerivative::change_of_start(const DataChange& c, const std::vecto
   if (c.b.size() > 0) right += c.b;
   if (c.E0.size() > 0) right -= c.E0 * ends_->first;
   if (c.ET.size() > 0) right -= c.ET * ends_->last;
-  return ends_->closing.solve(right);
+  const Vector change = ends_->closing.solve(right);
+  // What is left of larger changes within T is zero to the accuracy of the integration, as in SwitchedTape::terms_of.
+  constexpr double left = 1e-10;
+  const Vector within = held.cwiseAbs().colwise().maxCoeff().transpose();
+  return (change.cwiseAbs().array() <= left * within.array()).select(0, change);
 }
 
 // Of weights, and of those that x(0) has with x(0) held.

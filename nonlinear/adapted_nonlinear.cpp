@@ -4,12 +4,10 @@
 #include "core/certificate/part_sources.hpp"
 #include "core/certificate/part_weights.hpp"
 #include "core/dynamics/dense.hpp"
-#include "core/numerics/matrix_phi.hpp"
 #include "nonlinear/divided_step.hpp"
 #include "nonlinear/nonlinear_steps.hpp"
 
 #include <algorithm>
-#include <array>
 #include <map>
 #include <utility>
 
@@ -30,6 +28,7 @@ class AdaptedSteps {
   AdaptedSteps(const NonlinearScene& scene, Backend& backend, const NonlinearOptions& options)
       : scene_(without_f(scene)),
         T_(scene.linear.T),
+        phis_(scene.linear.dynamics->small_state()->A),
         sources_(scene.linear),
         steps_(scene_, backend, 1, StepRule::radau, options.tolerance, options.most_newton) {}
 
@@ -71,24 +70,23 @@ class AdaptedSteps {
  private:
   struct Length {
     ExponentialStep rule;
-    std::array<std::array<Matrix, 3>, 2> input;  ///< of 1, σ, σ² to both nodes
+    PartInputs input;
   };
   const Length& of(double h) {
-    if (lengths_.size() > most_lengths) lengths_.clear();
+    if (lengths_.size() > most_lengths) {
+      lengths_.clear();
+      phis_ = PhiFamily(scene_.linear.dynamics->small_state()->A);
+    }
     const auto [found, added] = lengths_.try_emplace(h);
     if (!added) return found->second;
-    const Matrix& A = scene_.linear.dynamics->small_state()->A;
-    found->second.rule = make_exponential_step(A, h, StepRule::radau);
-    for (std::size_t i = 0; i < 2 && sources_.has_f(); ++i) {
-      const double c = part_nodes[i], d = c * h;
-      const std::vector<Matrix> phi = matrix_phis(d * A, 3);
-      found->second.input[i] = {d * phi[1], d * c * phi[2], 2 * d * c * c * phi[3]};
-    }
+    found->second.rule = make_exponential_step(scene_.linear.dynamics->small_state()->A, h, StepRule::radau);
+    if (sources_.has_f()) found->second.input = part_inputs(phis_, h);
     return found->second;
   }
 
   const NonlinearScene scene_;
   double T_;
+  PhiFamily phis_;
   PartSampler sources_;
   NonlinearSteps steps_;
   std::map<double, Length> lengths_;

@@ -124,18 +124,15 @@ bool RadauSteps::advance(Family<Scalar>& family, const Part& p, const TreeRow& f
   if (!step.shifted) return false;
   const Index n = M_.rows();
   Column rhs = (c.start / p.length) * system.times_mass(from.x).template cast<Scalar>();
-  std::array<double, s> nodes;
-  nodes[s - 1] = 1;
-  if constexpr (s == 2) nodes[0] = 1.0 / 3;
+  const auto node = [](Index i) { return s == 1 ? 1.0 : part_nodes[std::size_t(i)]; };
   for (Index k = 0; k < s && scene_.f; ++k)
-    rhs +=
-        c.w[k] * (sources_->F * Sources::at(sources_->f, p.from, p.to, nodes[std::size_t(k)])).template cast<Scalar>();
+    rhs += c.w[k] * (sources_->F * Sources::at(sources_->f, p.from, p.to, node(k))).template cast<Scalar>();
   const Column xi = step.shifted->solve(rhs);
   Vector q(s * n);
   for (Index i = 0; i < s; ++i) {
     to.x = c.real(c.v[i] * xi);
     q.segment(i * n, n) = family.N * to.x;
-    if (scene_.g) q.segment(i * n, n) += Sources::at(sources_->g, p.from, p.to, nodes[std::size_t(i)]);
+    if (scene_.g) q.segment(i * n, n) += Sources::at(sources_->g, p.from, p.to, node(i));
   }
   if (!q.allFinite()) return false;
   Vector Y = Vector::Zero(s * n);

@@ -27,7 +27,6 @@ void add_interval(double a, double b, double length, bool jump, std::vector<Part
     part.length = (end - begin) * length;
     part.from = a + begin * (b - a);
     part.to = end == 1 ? b : a + end * (b - a);
-    part.behind_jump = jump && begin == 0;
     parts.push_back(part);
     begin = end;
   }

@@ -86,12 +86,12 @@ class Defect {
     for (std::size_t i = 0; i < 2; ++i)
       Y.segment(Index(i) * n_, n_) = y_.at(p.step, p.begin + part_nodes[i] * (p.end - p.begin));
     for (std::size_t i = 0; i < 2; ++i) {
-      const Vector y = Y.segment(Index(i) * n_, n_), answer = w.slack[i].middleCols(Index(i) * n_, n_).diagonal();
+      const Vector y = Y.segment(Index(i) * n_, n_);
       Vector x = w.decay[i] * x_ + w.drive[i] * Y;
       for (std::size_t k = 0; k < 3 && sources_.has_f(); ++k) x.noalias() += w.input[i][k] * s.f[k];
-      const Vector slack = M_ * y + d_.N * x + s.g[i], off = slack.cwiseMin(answer.cwiseProduct(y)).cwiseAbs();
+      const Vector slack = M_ * y + d_.N * x + s.g[i], off = slack.cwiseMin(w.answer[i].cwiseProduct(y)).cwiseAbs();
       terms_ = terms_.cwiseMax(M_.cwiseAbs() * y.cwiseAbs() + d_.N.cwiseAbs() * x.cwiseAbs() + s.g[i].cwiseAbs());
-      answers_ = answers_.cwiseMax(answer);
+      answers_ = answers_.cwiseMax(w.answer[i]);
       sum_ += (i == 0 ? 0.75 : 0.25) * p.length / T_ * off;
       at_ = (off.array() > largest_.array()).select((p.from + part_nodes[i] * (p.to - p.from)) / T_, at_);
       largest_ = largest_.cwiseMax(off);

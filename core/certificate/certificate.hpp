@@ -1,5 +1,5 @@
 #pragma once
-// What y of a result is worth, computed from y alone, for dense dynamics with initial values.
+// What the rows of a result are worth, for dense dynamics with initial values.
 //
 // y is linear on every step. The state that it drives is known by the exact flow (part_weights.hpp) with the true
 // sources, and with it w inside the steps:

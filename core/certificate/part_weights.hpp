@@ -8,19 +8,22 @@
 
 #include "../base/types.hpp"
 #include "../numerics/matrix_phi.hpp"
+#include "parts.hpp"
 
 #include <array>
 #include <map>
 
 namespace bromwich {
 
-inline constexpr std::array<double, 2> part_nodes{1.0 / 3, 1};
+/// ∫_0^{cd} e^{(cd-s)A} σ^k ds, k = 0, 1, 2: m x m each, for c = 1/3 and 1.
+using PartInputs = std::array<std::array<Matrix, 3>, 2>;
+PartInputs part_inputs(PhiFamily&, double length);
 
 struct PartWeights {
-  std::array<Matrix, 2> decay;                 ///< m x m, of x
-  std::array<Matrix, 2> drive;                 ///< m x 2n, of (y_1, y_2)
-  std::array<std::array<Matrix, 3>, 2> input;  ///< m x m, of c_0, c_1, c_2; empty without f
-  std::array<Matrix, 2> slack;                 ///< n x 2n: w_i by (y_1, y_2), M included
+  std::array<Matrix, 2> decay;   ///< m x m, of x
+  std::array<Matrix, 2> drive;   ///< m x 2n, of (y_1, y_2)
+  PartInputs input;              ///< of c_0, c_1, c_2; empty without f
+  std::array<Vector, 2> answer;  ///< n: what y_i moves w_i by, M included
 };
 
 /// Weights by length, made when they are asked for. Few lengths: those of a dyadic tree.

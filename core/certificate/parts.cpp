@@ -33,7 +33,7 @@ class StepParts {
       while (at + length > right.unit || (layer && length > std::max<Index>(1, at - left.unit))) length /= 2;
       const double whole = double(units_);
       parts_.push_back({step_, double(at) / whole, double(at + length) / whole, length_ * double(length) / whole,
-                        time(at), time(at + length), layer && at == left.unit});
+                        time(at), time(at + length)});
       at += length;
     }
   }
@@ -57,7 +57,6 @@ std::array<Part, 2> halves(const Part& whole) {
   first.length = second.length = whole.length / 2;
   first.end = second.begin = (whole.begin + whole.end) / 2;
   first.to = second.from = (whole.from + whole.to) / 2;
-  second.behind_jump = false;
   return {first, second};
 }
 

@@ -12,15 +12,15 @@ namespace bromwich {
 
 inline constexpr double shortest_part = 0x1p-16;  ///< of the longest one: breakpoints are moved to multiples
 
+inline constexpr std::array<double, 2> part_nodes{1.0 / 3, 1};  ///< of a part: those of Radau IIA
+
 struct Part {
   Index step = 0;             ///< of the result, from row step - 1 to row step
   double begin = 0, end = 0;  ///< within the step, 0 .. 1
   double length = 0;          ///< in time
   double from = 0, to = 0;    ///< where sources are looked at; both ends lie on one side of every breakpoint
-  bool behind_jump = false;   ///< begins at a breakpoint, or at t = 0
 };
 
-/// The two halves of a part; of one behind a jump, the first one is.
 std::array<Part, 2> halves(const Part&);
 
 /// Increasing in time. `t`: rows of the result with equal steps; `breakpoints`: increasing; each step has `division`

@@ -112,7 +112,10 @@ void Certification::certify(Method method, Result& result) {
     if (result.status == Status::solved) look_for_other_solutions(result);
     return;
   }
-  if (options_.confirm && judge_by_certificate(method, result)) return look_for_other_solutions(result);
+  if (options_.confirm && judge_by_certificate(method, result)) {
+    if (result.status == Status::solved) look_for_other_solutions(result);
+    return;
+  }
   confirm(method, m, result);
   if (options_.confirm && result.status == Status::solved) resolve_modes(method, m.x, result);
   if (rational && result.status == Status::solved) doubt_growth(method, growth_rate(p), result);
@@ -138,12 +141,12 @@ bool Certification::judge_by_certificate(Method method, Result& result) {
   std::sort(breakpoints.begin(), breakpoints.end());
   result.certificate = bromwich::certify(p.scene, result, breakpoints, methods_.all_states(method, result));
   if (!result.certificate) return false;
-  if (take_certificate(result)) return true;
-  sensitive_ = true;
+  take_certificate(result);
+  sensitive_ = result.status != Status::solved;
   return true;
 }
 
-bool take_certificate(Result& result) {
+void take_certificate(Result& result) {
   Certificate& c = *result.certificate;
   c.impulses = c.impulses || result.starts_with_impulse || result.euler_steps > 0;
   const double of_y = c.impulses ? c.error_of_mean : c.error_of_y;
@@ -153,12 +156,10 @@ bool take_certificate(Result& result) {
     if (size > worth_a_notice)
       parts += (parts.empty() ? "" : ", ") +
                text(size < 0.1 ? "%s by about %.1f %%" : "%s by about %.0f %%", what, 100 * size);
-  if (parts.empty()) return true;
+  if (parts.empty()) return;
   const std::string off = "with these steps the result is off: " + parts + "; use more steps or a tolerance";
-  if (std::min(c.typical_error_of_x, c.error_of_x) <= most_typical_error) return add_warning(result, off), true;
-  result.status = Status::tolerance_not_met;
-  result.reason = off;
-  return false;
+  if (std::min(c.typical_error_of_x, c.error_of_x) <= most_typical_error) return add_warning(result, off);
+  demote(result, off);
 }
 
 // Where something speaks against a result that half the step would show, half the step is taken.
@@ -167,9 +168,11 @@ void Certification::confirm(Method method, const Magnification& m, Result& resul
   const bool continuous = !by_euler(method, result) && result.continuous;
   if (!result.well_posed)
     confirm_one_of_several(method, result);
-  else if (m.growth > doubtful_growth || (Methods::has_small_dense_state(p.scene) && !sources_are_unresolved()))
+  else if (m.growth > doubtful_growth)
     confirm_by_half_the_step(method, 1, text("errors of a step grow up to %.1e times with these steps", m.growth),
                              result);
+  else if (Methods::has_small_dense_state(p.scene) && !sources_are_unresolved())
+    confirm_by_half_the_step(method, 1, "no solution with located switches was found to compare with", result);
   // With M of class P a contact is a spring, however stiff, and its rebound wants to be resolved. (With M = 0 an
   // impact is over at once, and nothing is to be resolved.)
   else if (m.impulse > unresolved_impulse && has_one_solution(p.lcp_class) && p.J >= fewest_steps_to_judge)

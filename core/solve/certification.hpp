@@ -54,8 +54,8 @@ class Certification {
   const InnerOptions& options_;
 };
 
-/// Error estimate, notice and status by Result::certificate. False: the state is not known at all.
-bool take_certificate(Result&);
+/// Error estimate, notice and status by Result::certificate.
+void take_certificate(Result&);
 
 /// The largest accepted natural-map residual: rounding of the kernel, and the remaining change of an iteration.
 double residual_limit(bool iterated, const Result&, const Options&);

@@ -116,7 +116,10 @@ Result by_galerkin(const Scene& scene, Backend& backend, const InnerOptions& opt
   const bool alone = !options.event_location && !options.compares_grids && result.status == Status::solved;
   if (alone && options.confirm && !scene.boundary) {
     result.certificate = certify(scene, result, find_breakpoints(scene));
-    if (result.certificate) return take_certificate(result), result;
+    if (result.certificate) {
+      take_certificate(result);
+      return result;
+    }
   }
   if (alone && compare_with_march(scene, backend, options, solve, x, result)) return result;
   if (!options.event_location) note_fast_g(scene, result);

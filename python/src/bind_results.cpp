@@ -104,18 +104,7 @@ std::optional<nb::dict> errors_of(const Answer& answer) {
 
 std::optional<nb::dict> certificate_of(const Answer& answer) {
   if (!answer.result.certificate) return std::nullopt;
-  const Certificate& c = *answer.result.certificate;
-  nb::dict d;
-  d["error_of_x"] = c.error_of_x;
-  d["error_of_y"] = c.error_of_y;
-  d["error_of_mean_of_y"] = c.error_of_mean;
-  d["typical_error_of_x"] = c.typical_error_of_x;
-  d["mean_defect"] = c.mean_defect;
-  d["largest_defect"] = c.largest_defect;
-  d["defect_at"] = c.defect_at;
-  d["defect_row"] = c.defect_row;
-  d["impulses"] = c.impulses;
-  return d;
+  return dict_of(*answer.result.certificate);
 }
 
 std::optional<nb::dict> goal_of(const Answer& answer) {

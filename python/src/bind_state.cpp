@@ -128,11 +128,7 @@ nb::dict state_of(const Result& r) {
     members_of_estimate(Writer{errors}, *r.errors);
     d["errors"] = errors;
   }
-  if (r.certificate) {
-    nb::dict certificate;
-    members_of_certificate(Writer{certificate}, *r.certificate);
-    d["certificate"] = certificate;
-  }
+  if (r.certificate) d["certificate"] = dict_of(*r.certificate);
   if (r.defects) d["defects"] = nb::make_tuple(r.defects->steps, r.defects->values);
   if (r.goal) {
     nb::dict goal;
@@ -294,6 +290,12 @@ nb::dict state_of(const Model& model) {
 }
 
 }  // namespace
+
+nb::dict dict_of(const Certificate& certificate) {
+  nb::dict d;
+  members_of_certificate(Writer{d}, certificate);
+  return d;
+}
 
 void bind_state(nb::module_& m) {
   m.def(

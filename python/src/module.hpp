@@ -39,6 +39,8 @@ struct Model : std::enable_shared_from_this<Model> {
   bool other_x0 = false, other_sources = false;  ///< than the scene has, in results of a Solver
 };
 
+nb::dict dict_of(const Certificate&);
+
 void bind_arrays(nb::module_& m);
 void bind_batch(nb::module_& m);
 void bind_derivatives(nb::module_& m);

@@ -273,8 +273,6 @@ Matrix differences(const Converter& c, const Parameters& p, const Vector& x0) {
 
 TEST_P(DiscontinuousConduction, HasPeriodicStatesWithDerivatives) {
   const Converter& c = GetParam();
-  // Its periods begin with y_i = w_i = 0, which rounding of x(0) decides: derivatives are one-sided there.
-  if (c.name == std::string("boost")) GTEST_SKIP() << "it begins at a switch";
   const auto backend = make_cpu_backend(1);
   Options options;
   options.steps = 20;
@@ -301,9 +299,11 @@ TEST_P(DiscontinuousConduction, HasPeriodicStatesWithDerivatives) {
     const Vector moved =
         (after_period(c, with(value + step), x0) - after_period(c, with(value - step), x0)) / (2 * step);
     const Vector expected = open.partialPivLu().solve(moved);
-    // As above; what differences err by grows with the periods that it takes to settle, about a hundred.
+    // As above; what differences err by, some rounding of x over the step, grows with the periods that it takes to
+    // settle, about a hundred.
     const double size = std::max(1e-3 / value, expected.cwiseAbs().maxCoeff());
-    EXPECT_LE((d.jvp(0).x.row(0).transpose() - expected).cwiseAbs().maxCoeff(), 1e-6 * size);
+    const double rounding = 100 * 4 * epsilon * x0.cwiseAbs().maxCoeff() / step;
+    EXPECT_LE((d.jvp(0).x.row(0).transpose() - expected).cwiseAbs().maxCoeff(), 1e-6 * size + rounding);
     SolutionChange of;
     of.x = RowMatrix::Zero(result.t.size(), m);
     of.x(0, m - 1) = 1;
