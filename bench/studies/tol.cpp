@@ -88,10 +88,11 @@ std::vector<TolRun> runs(const Subject& subject, const BenchRequest& request, Ba
   return all;
 }
 
-/// NaN if the error is not known accurately enough, or too small.
-double effectivity(double estimate, double error, double known_to) {
-  return error > rounding_level && reference_share * error >= known_to ? estimate / error : NAN;
-}
+/// NaN if the reference does not know it.
+double known(double error, double known_to) { return reference_share * error >= known_to ? error : NAN; }
+
+/// NaN if the error is not known, or too small.
+double effectivity(double estimate, double error) { return error > rounding_level ? estimate / error : NAN; }
 
 struct Row {
   Json json;
@@ -106,15 +107,16 @@ Row row(const Subject& subject, const TolRun& run, const std::optional<TolTruth>
   const ErrorEstimate e = r.errors.value_or(ErrorEstimate{});
   const TolErrors none{NAN, NAN, NAN};
   const TolErrors error = truth ? truth->of(r) : none, known_to = truth ? truth->known_to() : none;
-  const double y = e.of_integral ? error.mean : error.y, y_known_to = e.of_integral ? known_to.mean : known_to.y;
+  const double y_known_to = e.of_integral ? known_to.mean : known_to.y;
+  const double y = known(e.of_integral ? error.mean : error.y, y_known_to), x = known(error.x, known_to.x);
   const double estimate = r.errors ? e.total() : NAN;
-  const double of_y = effectivity(estimate, y, y_known_to), of_x = effectivity(e.states, error.x, known_to.x);
+  const double of_y = effectivity(estimate, y), of_x = effectivity(e.states, x);
   const Index work = std::accumulate(e.grids.begin(), e.grids.end(), Index(0));
   Row row;
   row.counts = r.status == Status::solved;
   row.of_y = of_y;
   row.of_x = of_x;
-  row.true_over_tolerance = std::fmax(y, error.x) / run.tolerance;
+  row.true_over_tolerance = std::fmax(y, x) / run.tolerance;
   const auto effect = [](double value) { return std::isnan(value) ? std::string("-") : fmt::format("{:.2f}", value); };
   row.text = {subject.name,
               subject.method,
@@ -127,7 +129,7 @@ Row row(const Subject& subject, const TolRun& run, const std::optional<TolTruth>
               scientific(y),
               effect(of_y),
               scientific(e.states),
-              scientific(error.x),
+              scientific(x),
               effect(of_x)};
   row.json = {{"scene", subject.name},
               {"parameters", to_json(subject.choice.parameters)},
@@ -147,7 +149,7 @@ Row row(const Subject& subject, const TolRun& run, const std::optional<TolTruth>
                 {"kernel", e.kernel},
                 {"iteration", e.iteration},
                 {"rounding", e.rounding}}},
-              {"error", {{"y", y}, {"x", error.x}}},
+              {"error", {{"y", y}, {"x", x}}},
               {"effectivity", {{"y", of_y}, {"x", of_x}}},
               {"reference", truth ? truth->source() : ""},
               {"reference_known_to", {{"y", y_known_to}, {"x", known_to.x}}},
@@ -198,10 +200,11 @@ std::vector<Row> study(const Subject& subject, const BenchRequest& request, Back
     const Result& r = run->result;
     if (!r.errors || r.y.rows() != r.steps + 1 || !r.y.allFinite()) continue;
     const std::vector<Index>& grids = r.errors->grids;
+    const Index finest = r.steps * ((std::max(grids.back(), r.steps) + r.steps - 1) / r.steps);  // of trees: steps
     const double seconds =
-        run->seconds * double(r.steps) / double(std::accumulate(grids.begin(), grids.end(), Index(0)));
+        run->seconds * double(finest) / double(std::accumulate(grids.begin(), grids.end(), Index(0)));
     try {
-      truth.emplace(subject.choice, backend, options, r.steps, seconds,
+      truth.emplace(subject.choice, backend, options, finest, seconds,
                     (request.quick ? quick : full).reference_seconds);
     } catch (const Error& error) {
       notes.push_back(fmt::format("{}: {}", subject.name, error.what()));

@@ -18,7 +18,7 @@ constexpr Index division = 3;                 ///< parts of a step: odd, since n
 constexpr int most_halvings = 6;              ///< of a part, for sources
 constexpr double no_size = 1e-8;              ///< of what terms could make of a component: smaller is their rounding
 constexpr double near_row = 1e-6;             ///< of a step: a switch so near may be on either side of a row
-constexpr std::size_t one_of = 20;            ///< rows may be off by more than the typical error
+constexpr std::size_t one_of = 20;            ///< rows: one may be off by more than the typical error
 constexpr double reference_tolerance = 1e-9;  ///< of the located solution
 constexpr double most_work = 4e8;             ///< likewise, floating-point operations: a tenth of a second, about
 

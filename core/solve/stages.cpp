@@ -103,11 +103,11 @@ Result by_galerkin(const Scene& scene, Backend& backend, const InnerOptions& opt
   const Index J = options.steps > 0 ? options.steps : scene.default_steps;
   const Cost cost = refuse_what_does_not_fit(scene, options, J, Index(recorded_components(scene, options).size()));
   InnerOptions one = options;
-  const bool starts_anew = scene.boundary && !options.compares_grids && Methods::has_small_dense_state(scene);
-  if (starts_anew) one.states = StateSelection::all;
+  const bool judged = !options.compares_grids && Methods::has_small_dense_state(scene);  // by all states
+  if (judged) one.states = StateSelection::all;
   Result result = solve_by_galerkin(scene, backend, one);
   RowMatrix x;
-  if (starts_anew) {
+  if (judged) {
     x = std::move(result.x);
     result.x_components = recorded_components(scene, options);
     result.x = x(Eigen::all, result.x_components);
@@ -115,7 +115,7 @@ Result by_galerkin(const Scene& scene, Backend& backend, const InnerOptions& opt
   result.bytes_predicted = std::size_t(cost.bytes);
   const bool alone = !options.event_location && !options.compares_grids && result.status == Status::solved;
   if (alone && options.confirm && !scene.boundary) {
-    result.certificate = certify(scene, result, find_breakpoints(scene));
+    result.certificate = certify(scene, result, find_breakpoints(scene), x);
     if (result.certificate) {
       take_certificate(result);
       return result;
