@@ -199,6 +199,8 @@ std::vector<Row> study(const Subject& subject, const BenchRequest& request, Back
   for (auto run = all.rbegin(); run != all.rend() && !truth; ++run) {
     const Result& r = run->result;
     if (!r.errors || r.y.rows() != r.steps + 1 || !r.y.allFinite()) continue;
+    // No grid is as accurate as located switches.
+    if (locates_switches(r.method) && !subject.choice.scene.exact) continue;
     const std::vector<Index>& grids = r.errors->grids;
     const Index finest = r.steps * ((std::max(grids.back(), r.steps) + r.steps - 1) / r.steps);  // of trees: steps
     const double seconds =
