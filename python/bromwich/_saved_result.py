@@ -159,6 +159,7 @@ class _Answer:
             self.summary = {}
         self.seconds = self.summary.get("seconds") or {"total": facts.get("seconds", math.nan)}
         self.errors = self.summary.get("errors")
+        self.certificate = self.summary.get("certificate")
         self.goal = self.summary.get("goal")
 
     # Facts and their values where a file does not have them.

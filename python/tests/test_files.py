@@ -121,7 +121,7 @@ def test_both_write_one_layout(result, written, tmp_path):
         result.save(tmp_path / "r.npz")
         with np.load(tmp_path / "r.npz") as a, np.load(written / "r.npz") as b:
             assert {key for key in a.files if "attribute_" not in key} == {k for k in b.files if "attribute_" not in k}
-            assert all(a[key].dtype.kind == b[key].dtype.kind for key in a.files)
+            assert all(a[key].dtype.kind == b[key].dtype.kind for key in set(a.files) & set(b.files))
 
 
 @pytest.mark.parametrize("source", ["command", "python"])
@@ -154,7 +154,7 @@ def test_saved_results_are_results(result, tmp_path):
     assert between.t.tolist() == [0.1234, 0.5]
     assert between.y[0, 0] == np.interp(0.1234, result.t, result.y[:, 0])
     assert repr(read) == f"<bromwich.Result solved by {result.method}, residual {result.residual:.1e}, error estimate {result.error_estimate:.1e} of y and x, 201 rows up to t = 2>"
-    assert read.certificate is None, "files have the estimate alone"
+    assert read.certificate == result.certificate
     for missing in (lambda: read.switches_with_errors(), lambda: read.y_integral, lambda: read.at(7.0)):
         with pytest.raises(bromwich.Error):
             missing()

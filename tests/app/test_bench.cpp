@@ -145,8 +145,8 @@ TEST_F(Bench, TolMeasuresTheMeanWhereYJumps) {
   ASSERT_EQ(json["rows"].size(), 3u);
   for (const Json& row : json["rows"]) {
     EXPECT_EQ(row["of"], "mean of y") << row;
-    EXPECT_TRUE(contains(row["reference"].get<std::string>(), "march with")) << row;
-    EXPECT_LE(row["reference_from_file"], 1e-4) << "the tolerance of the file";
+    EXPECT_EQ(row["method"], "events");
+    EXPECT_EQ(row["reference"], "") << "no grid is as accurate";
   }
 }
 
