@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
-import pickle
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -18,7 +16,8 @@ from ._labels import names_of, units_of
 from ._matrices import matrices
 from ._mesh import Mesh
 from ._model import parameters_of, set_conditions, set_dynamics, set_f_entry, set_lcp
-from ._sources import on_this_host, restored, source, steps_of
+from ._pickled_scene import fingerprint, made_again, restored
+from ._sources import on_this_host, source, steps_of
 from ._words import suggestion
 
 
@@ -146,20 +145,20 @@ class Scene:
             changed = {**named, name: value}
             if maker == "relay":
                 changed = {**named, "parameters": {**named["parameters"], name: value}}
-            return scene(*arguments, **changed) if maker == "catalogue" else getattr(type(self), maker)(*arguments, **changed)
+            return getattr(type(self), maker)(*arguments, **changed)
         parameters = {**self._parameters, name: value}
         *sources, breakpoints = _core.state_of_sources(self._model)
         of_text = [
             (s[0], s[1], parameters, *s[3:]) if s is not None and s[0] == "expressions" else s for s in sources
         ]
-        return _restored(type(self), _core.state_of_model(self._model), (*of_text, breakpoints), parameters, self._facts)
+        return restored(type(self), _core.state_of_model(self._model), (*of_text, breakpoints), parameters, self._facts)
 
     def __reduce__(self) -> tuple:
         """Pickles what was given; functions, and scenes of files and of the catalogue, by name."""
         if self._recipe is not None:
-            return _made_again, (type(self), self._recipe, _fingerprint(self._model))
+            return made_again, (type(self), self._recipe, fingerprint(self._model))
         state = _core.state_of_model(self._model)
-        return _restored, (type(self), state, _core.state_of_sources(self._model), self._parameters, self._facts)
+        return restored, (type(self), state, _core.state_of_sources(self._model), self._parameters, self._facts)
 
     @classmethod
     def from_toml(cls, path: str | os.PathLike[str], **settings: float) -> Scene:
@@ -179,6 +178,22 @@ class Scene:
                 raise
             raise Error(str(error).replace("--set: ", "settings: ", 1), "settings") from None
         return cls._of(model, facts["parameters"], facts, ("from_toml", (os.path.abspath(path),), values))
+
+    @classmethod
+    def _built_in(cls, name: str, **settings: float) -> Scene:
+        """See :func:`scene`."""
+        catalogue = {known: (summary, parameters) for known, summary, parameters in _core.catalogue()}
+        if name not in catalogue:
+            near = suggestion(name, catalogue)
+            raise Error(f"scene: found {name!r}{near}, which is not built in; choose one of {', '.join(catalogue)}", "scene")
+        summary, parameters = catalogue[name]
+        for key in (k for k in settings if k not in parameters):
+            near = suggestion(key, parameters)
+            raise Error(f"{key}: is no parameter of scene {name}{near}; choose from {', '.join(parameters)}", key)
+        values = {k: number(v, k) for k, v in settings.items()}
+        defaults = {k: default for k, (default, _) in parameters.items() if np.isfinite(default)}
+        facts = {"description": summary}
+        return cls._of(_core.build_scene(name, values), {**defaults, **values}, facts, ("_built_in", (name,), values))
 
     @classmethod
     def relay(
@@ -346,60 +361,9 @@ def scene(name: str, **settings: float) -> Scene:
     Raises:
         Error: for an unknown name, an unknown parameter or a value out of range.
     """
-    catalogue = {known: parameters for known, _, parameters in _core.catalogue()}
-    if name not in catalogue:
-        near = suggestion(name, catalogue)
-        raise Error(f"scene: found {name!r}{near}, which is not built in; choose one of {', '.join(catalogue)}", "scene")
-    for key in (k for k in settings if k not in catalogue[name]):
-        near = suggestion(key, catalogue[name])
-        raise Error(f"{key}: is no parameter of scene {name}{near}; choose from {', '.join(catalogue[name])}", key)
-    values = {k: number(v, k) for k, v in settings.items()}
-    model = _core.build_scene(name, values)
-    for known, summary, parameters in _core.catalogue():
-        if known == name:
-            defaults = {k: default for k, (default, _) in parameters.items() if np.isfinite(default)}
-            return Scene._of(model, {**defaults, **values}, {"description": summary}, ("catalogue", (name,), values))
-    return Scene._of(model, values, {}, ("catalogue", (name,), values))
+    return Scene._built_in(name, **settings)
 
 
 def scenes() -> dict[str, dict[str, Any]]:
     """The built-in scenes: ``summary`` and ``parameters``, each with its default and its meaning."""
     return {name: {"summary": summary, "parameters": parameters} for name, summary, parameters in _core.catalogue()}
-
-
-def _restored(
-    cls: type[Scene], state: dict[str, Any], sources: tuple, parameters: dict[str, float], facts: dict[str, Any]
-) -> Scene:
-    """A scene of arrays, from the state that ``Scene.__reduce__`` has pickled."""
-    model = _core.Model.empty()
-    model.name, model.T, model.steps, model.free_rows = (state[k] for k in ("name", "T", "steps", "free_rows"))
-    for key in ("dynamics", "M"):
-        setter, *arguments = state[key]
-        getattr(model, setter)(*arguments)
-    model.set_lcp_class(state["lcp_class"])
-    model.set_f_entry(*state["f_entry"])
-    if "boundary" in state:
-        model.set_boundary(*state["boundary"])
-    else:
-        model.set_x0(state["x0"])
-    f, g, breakpoints = sources
-    model.set_sources(restored(f), restored(g), breakpoints)
-    model.validate()
-    return cls._of(model, parameters, facts)
-
-
-def _made_again(cls: type[Scene], recipe: tuple, fingerprint: str) -> Scene:
-    """A scene of a file, of the catalogue or of a relay, made again."""
-    maker, arguments, named = recipe
-    made = scene(*arguments, **named) if maker == "catalogue" else getattr(cls, maker)(*arguments, **named)
-    if _fingerprint(made._model) != fingerprint:
-        where = arguments[0] if arguments else maker
-        raise Error(f"scene: {where} is not what it was when the scene was pickled; pickle it again", "scene")
-    return made
-
-
-def _fingerprint(model: _core.Model) -> str:
-    """A hash of all numbers of a scene, and of its sources at a few times."""
-    times = model.T * np.array([0.0, 0.137, 0.381, 0.729, 1.0])
-    values = [_core.source_values(model, float(t)) for t in times]
-    return hashlib.sha256(pickle.dumps((_core.state_of_model(model), values), protocol=4)).hexdigest()
