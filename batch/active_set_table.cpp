@@ -48,7 +48,7 @@ void ActiveSetTable::make(unsigned set, Entry& entry) const {
     if (judged_ && !has_positive_pivots(Matrix(short_block(least_of_, set, set)))) return;
   }
   const ShortMatrix of_rest =
-      set != 0 ? ShortMatrix(short_block(scaled_, rest, set).lazyProduct(inverse)) : ShortMatrix();
+      set != 0 && rest != 0 ? ShortMatrix(short_block(scaled_, rest, set).lazyProduct(inverse)) : ShortMatrix();
   for (Index i = 0, s = 0, r = 0; i < n; ++i) {
     const bool active = set >> i & 1u;
     for (Index j = 0, c = 0; j < n; ++j)

@@ -2,7 +2,8 @@
 // The recipes of the catalogue, one file each, and their common checks of parameters.
 
 #include "../core/base/error.hpp"
-#include "recipe.hpp"
+#include "../core/scene/scene.hpp"
+#include "bromwich/catalogue.hpp"
 
 #include <sstream>
 

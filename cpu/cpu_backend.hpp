@@ -1,10 +1,12 @@
 #pragma once
 
-#include "../core/seam/backend.hpp"
+#include "bromwich/backend.hpp"
 
 #include <memory>
 
 namespace bromwich {
+
+struct BackendTraits;
 
 /// The backend on OpenMP. threads = 0 uses what OpenMP offers (OMP_NUM_THREADS, or all cores). Throws Error for a
 /// negative number.

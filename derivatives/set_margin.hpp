@@ -2,24 +2,12 @@
 // How far active sets are from changing, and the constraints at t = 0 that are not decided.
 
 #include "../core/lcp/matrix.hpp"
+#include "bromwich/derivative.hpp"
 
-#include <cmath>
 #include <functional>
 #include <vector>
 
 namespace bromwich {
-
-/// How far the solution is from a point at which it is not differentiable.
-struct DerivativeMargin {
-  /// The smallest max(y_i, w_i) at a time point, relative to the largest y_i and w_i of the component.
-  double margin = 1;
-  double time = 0;
-  Index constraint = -1;
-  /// Of switches that are located: the smallest T |c'| at one, c the y_i or w_i that vanishes, relative to the largest
-  /// value of c. Near 0, the switch is grazing: a small change of the data removes it.
-  double transversality = INFINITY;
-  double grazing_time = 0;
-};
 
 /// S_j, increasing.
 using ActiveSetAt = std::function<const std::vector<Index>&(Index j)>;

@@ -127,15 +127,17 @@ SolutionDerivative::SolutionDerivative(const Scene& scene, const Result& result)
   w_ += y_ * M_.transpose();
   const Matrix W = M_ + d_.N * R_ * d_.B;
   sets_.resize(std::size_t(J_) + 1);
+  const auto responses = std::make_shared<SetResponses>();
   for (Index j = 0; j <= J_; ++j)
     sets_[std::size_t(j)] =
-        j > 0 ? responses_.take(active_set(scene, y_, j), W) : responses_.take(active_set(scene, y_, j), M_, 1);
+        j > 0 ? responses->take(active_set(scene, y_, j), W) : responses->take(active_set(scene, y_, j), M_, 1);
+  responses_ = responses;
   follow(result);
   const Vector most_x = x_.cwiseAbs().colwise().maxCoeff();
   const SetRounding zero = rounding_of_sets(d_.N.cwiseAbs() * most_x, M_, y_, g);
-  undecided_ = undecided_at_start(w_, zero, responses_.active(sets_[0]));
+  undecided_ = undecided_at_start(w_, zero, responses_->active(sets_[0]));
   margin_ = margin_of_sets(y_, w_, zero, t_, [this](Index j) -> const std::vector<Index>& {
-    return responses_.active(sets_[std::size_t(j)]);
+    return responses_->active(sets_[std::size_t(j)]);
   });
 }
 
@@ -147,7 +149,7 @@ void SolutionDerivative::follow(const Result& result) {
   Vector x = x_.row(0).transpose(), given(m_), missed(n_), off(n_);
   for (Index j = 0; j <= J_; ++j) {
     const Index set = sets_[std::size_t(j)];
-    if (!(responses_.condition(set) > smallest_rcond))
+    if (!(responses_->condition(set) > smallest_rcond))
       refuse(text("not differentiable here: the active constraints at t = %.6g do not determine y", t_[j]),
              "remove constraints that repeat each other");
     if (j == 0) continue;
@@ -156,7 +158,7 @@ void SolutionDerivative::follow(const Result& result) {
     missed = w_.row(j).transpose();
     missed.noalias() += d_.N * given;
     // The correction of y keeps the loop closed: x of a growing A would drift away otherwise.
-    responses_.solve(set, missed, off);
+    responses_->solve(set, missed, off);
     x = given;
     x.noalias() += driven * off;
     x_.row(j) = x.transpose();
@@ -228,7 +230,7 @@ SolutionChange SolutionDerivative::jvp(const DataChange& given) const {
     if (j > 0) next.noalias() += left * dy;
     moved.noalias() = d_.N * next;
     if (fixed.size() > 0) moved += fixed.row(j).transpose();
-    responses_.solve(sets_[std::size_t(j)], moved, dy);
+    responses_->solve(sets_[std::size_t(j)], moved, dy);
     if (j > 0) next.noalias() += driven * dy;
     dx.swap(next);
     out.x.row(j) = dx.transpose();
@@ -282,7 +284,7 @@ DataChange SolutionDerivative::vjp(const SolutionChange& of) const {
       if (j > 0) eta += h_ / 2 * later;
     }
     if (j == 0) from_one_side = weighs_start(undecided_, eta, (Bt.cwiseAbs() * back.cwiseAbs()).norm() + eta.norm());
-    responses_.solve_transposed(sets_[std::size_t(j)], eta, mu);
+    responses_->solve_transposed(sets_[std::size_t(j)], eta, mu);
     next = p;
     next.noalias() -= N.transpose() * mu;  // q_j
     if (j > 0) of_u.noalias() += Rt * next;

@@ -17,6 +17,13 @@
 
 namespace bromwich {
 
+// E0 x(0) + ET x(T) = b, in natural units.
+struct SwitchedDerivative::Ends {
+  BoundaryCondition condition;
+  Vector first, last;                ///< x(0) and x(T)
+  Eigen::FullPivLU<Matrix> closing;  ///< of E0 + ET D
+};
+
 namespace {
 
 [[noreturn]] void not_defined(const std::string& found, const std::string& remedy) {
@@ -89,8 +96,8 @@ SwitchedDerivative::SwitchedDerivative(const Scene& given, const Vector& times, 
     not_defined("not differentiable here: " + why, "");
   if (!plain.breakpoints_are_all && (plain.f || plain.g)) plain.breakpoints = find_breakpoints(plain);
   plain.breakpoints_are_all = true;
-  units_ = natural_units(plain);
-  Scene scene = in_natural_units(plain, units_);
+  units_ = std::make_unique<const NaturalUnits>(natural_units(plain));
+  Scene scene = in_natural_units(plain, *units_);
   if (scene.boundary) find_start(scene, tolerance, start);
   const EventSolution s = located(scene, tolerance);
   if (ends_) {
@@ -126,41 +133,41 @@ void SwitchedDerivative::find_start(Scene& scene, double tolerance, const Vector
   ShootingOptions options;
   options.events.tolerance = tolerance;
   options.start = start;
-  if (!units_.trivial()) scale_by(options.start, &units_.x, nullptr, -1);
+  if (!units_->trivial()) scale_by(options.start, &units_->x, nullptr, -1);
   const ShootingSolution s =
       shoot_on_events(scene, selection_class(scene.M, scene.lcp_class), scene.breakpoints, options);
   if (!s.found)
     not_defined("not differentiable here: " + s.reason, "differentiate a scene that method shooting solves");
-  ends_ = Ends{*scene.boundary, s.x0, {}, {}};
+  ends_ = std::make_unique<Ends>(Ends{*scene.boundary, s.x0, {}, {}});
   scene.boundary.reset();
   scene.x0 = s.x0;
   start_ = s.x0;
-  if (!units_.trivial()) scale_by(start_, &units_.x, nullptr, 1);
+  if (!units_->trivial()) scale_by(start_, &units_->x, nullptr, 1);
 }
 
 // Of a solution: from natural units to those of the scene. Of weights: the other way.
 void SwitchedDerivative::scale(SolutionChange& s) const {
-  if (units_.trivial()) return;
-  scale_by(s.y, nullptr, &units_.y, -1);
-  scale_by(s.integral, nullptr, &units_.y, -1);
-  scale_by(s.x, nullptr, &units_.x, -1);
-  scale_by(s.w, nullptr, &units_.w, -1);
+  if (units_->trivial()) return;
+  scale_by(s.y, nullptr, &units_->y, -1);
+  scale_by(s.integral, nullptr, &units_->y, -1);
+  scale_by(s.x, nullptr, &units_->x, -1);
+  scale_by(s.w, nullptr, &units_->w, -1);
 }
 
 // Of a change: to natural units. Of a gradient: from these.
 void SwitchedDerivative::scale(DataChange& c) const {
-  if (units_.trivial()) return;
-  scale_by(c.x0, &units_.x, nullptr, -1);
-  scale_by(c.f, nullptr, &units_.x, 1);
-  scale_by(c.g, nullptr, &units_.w, 1);
-  scale_by(c.A, &units_.x, &units_.x, -1);
-  scale_by(c.E, &units_.x, &units_.x, -1);
-  scale_by(c.B, &units_.x, &units_.y, -1);
-  scale_by(c.N, &units_.w, &units_.x, -1);
-  scale_by(c.M, &units_.w, &units_.y, -1);
-  scale_by(c.b, &units_.boundary, nullptr, -1);
-  scale_by(c.E0, &units_.boundary, &units_.x, -1);
-  scale_by(c.ET, &units_.boundary, &units_.x, -1);
+  if (units_->trivial()) return;
+  scale_by(c.x0, &units_->x, nullptr, -1);
+  scale_by(c.f, nullptr, &units_->x, 1);
+  scale_by(c.g, nullptr, &units_->w, 1);
+  scale_by(c.A, &units_->x, &units_->x, -1);
+  scale_by(c.E, &units_->x, &units_->x, -1);
+  scale_by(c.B, &units_->x, &units_->y, -1);
+  scale_by(c.N, &units_->w, &units_->x, -1);
+  scale_by(c.M, &units_->w, &units_->y, -1);
+  scale_by(c.b, &units_->boundary, nullptr, -1);
+  scale_by(c.E0, &units_->boundary, &units_->x, -1);
+  scale_by(c.ET, &units_->boundary, &units_->x, -1);
 }
 
 SolutionChange SwitchedDerivative::jvp(const DataChange& given) const { return jvp(given, {}); }

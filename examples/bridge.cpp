@@ -1,8 +1,7 @@
 // A suspension bridge whose cables go slack: an undamped oscillator. Its spectrum is imaginary, so no contour exists;
 // the solver uses the matrix exponential and reports it.
 
-#include <bromwich/catalogue/catalogue.hpp>
-#include <bromwich/core/solve/solve.hpp>
+#include <bromwich/bromwich.hpp>
 #include <bromwich/cpu/cpu_backend.hpp>
 
 #include <cstdio>

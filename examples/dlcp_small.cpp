@@ -1,7 +1,6 @@
 // A Z-matrix scene with a known solution: second-order convergence of y, where implicit Euler has first order.
 
-#include <bromwich/catalogue/catalogue.hpp>
-#include <bromwich/core/solve/solve.hpp>
+#include <bromwich/bromwich.hpp>
 #include <bromwich/cpu/cpu_backend.hpp>
 
 #include <cmath>

@@ -4,7 +4,7 @@
 //
 // State x = (v, i), constraint y = i_D (the current through the diode), w = -v + R y (the voltage it blocks).
 
-#include <bromwich/core/solve/solve.hpp>
+#include <bromwich/bromwich.hpp>
 #include <bromwich/cpu/cpu_backend.hpp>
 
 #include <cstdio>

@@ -1,7 +1,6 @@
 // The parabolic Signorini problem by the functional iteration and by marching: the same discrete solution, two ways.
 
-#include <bromwich/catalogue/catalogue.hpp>
-#include <bromwich/core/solve/solve.hpp>
+#include <bromwich/bromwich.hpp>
 #include <bromwich/cpu/cpu_backend.hpp>
 
 #include <cstdio>

@@ -1,7 +1,7 @@
 #pragma once
 // Scene files with a section [nonlinear]; docs/nonlinear.md and docs/scene-files.md describe them.
 
-#include "../nonlinear/nonlinear_scene.hpp"
+#include "bromwich/nonlinear.hpp"
 #include "scene_file.hpp"
 
 #include <optional>

@@ -1,9 +1,8 @@
 #pragma once
 // Scenes in TOML files; docs/scene-files.md describes the format.
 
-#include "../catalogue/catalogue.hpp"
-#include "../core/dynamics/rectangle.hpp"
-#include "../core/goal/quantities.hpp"
+#include "bromwich/catalogue.hpp"
+#include "bromwich/goal.hpp"
 
 #include <filesystem>
 #include <memory>

@@ -1,13 +1,15 @@
 #pragma once
 // The backend on one CUDA device.
 
-#include "../core/seam/backend.hpp"
+#include "bromwich/backend.hpp"
 
 #include <memory>
 #include <string>
 #include <vector>
 
 namespace bromwich {
+
+struct BackendTraits;
 
 /// Names of the usable devices, by device number; empty if there is no device or no driver.
 std::vector<std::string> cuda_devices();

@@ -1,5 +1,6 @@
 #include "kernels/cuda_plugin.hpp"
 
+#include "core/seam/backend.hpp"
 #include "core/seam/scene_arrays.hpp"
 
 #include <bromwich/bromwich.hpp>

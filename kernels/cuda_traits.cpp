@@ -1,3 +1,4 @@
+#include "core/seam/traits.hpp"
 #include "kernels/cuda_backend.hpp"
 
 #include <cmath>

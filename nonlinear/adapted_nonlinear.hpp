@@ -3,8 +3,7 @@
 // exponential step with y at 1/3 and 1, solved by Josephy-Newton (nonlinear_steps.hpp).
 
 #include "../core/seam/backend.hpp"
-#include "nonlinear_options.hpp"
-#include "nonlinear_result.hpp"
+#include "bromwich/nonlinear.hpp"
 #include "nonlinear_scene.hpp"
 
 #include <optional>

@@ -12,7 +12,7 @@
 // Contacts: a force that acts for a step or two and moves the state, and w that falls towards 0 on one side of a step
 // and rises on the other, so steeply that the lines meet below 0.
 
-#include "nonlinear_result.hpp"
+#include "bromwich/nonlinear.hpp"
 #include "nonlinear_scene.hpp"
 
 #include <string>

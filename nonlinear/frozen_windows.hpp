@@ -7,7 +7,7 @@
 // iteration of the window. The linear scene is prepared once for all windows of a length (Solver).
 
 #include "../core/solve/solver.hpp"
-#include "nonlinear_options.hpp"
+#include "bromwich/nonlinear.hpp"
 #include "nonlinear_scene.hpp"
 #include "windows_of_steps.hpp"
 

@@ -2,8 +2,8 @@
 // One solve of a nonlinear system on one grid: by the engine of linear scenes where phi and gamma are 0 along the
 // solution, otherwise step by step or by windows of steps.
 
+#include "bromwich/nonlinear.hpp"
 #include "divided_step.hpp"
-#include "nonlinear_result.hpp"
 #include "nonlinear_steps.hpp"
 #include "windows_of_steps.hpp"
 

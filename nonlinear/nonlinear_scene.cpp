@@ -8,6 +8,22 @@
 
 namespace bromwich {
 
+const char* to_string(NonlinearMethod method) {
+  switch (method) {
+    case NonlinearMethod::automatic:
+      return "automatic";
+    case NonlinearMethod::march:
+      return "march";
+    case NonlinearMethod::iteration:
+      return "iteration";
+    case NonlinearMethod::newton:
+      return "newton";
+    case NonlinearMethod::pointwise:
+      break;
+  }
+  return "pointwise";
+}
+
 namespace {
 
 // Column by column: the derivative by one argument. `not_below`: entries that are not below it stay so.

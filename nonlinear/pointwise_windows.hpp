@@ -9,7 +9,7 @@
 // gamma that is steep in y does not matter here, but it does where gamma is frozen.
 
 #include "../core/base/threads.hpp"
-#include "nonlinear_options.hpp"
+#include "bromwich/nonlinear.hpp"
 #include "nonlinear_steps.hpp"
 #include "windows_of_steps.hpp"
 

@@ -13,7 +13,6 @@
 // The error is no Newton correction with the active sets of y held (one linear march by the exact flow): where y acts
 // on the second derivative of w, w = 0 at both nodes of a part doubles the velocity that is left at its begin.
 
-#include "../result/certificate.hpp"
 #include "../result/result.hpp"
 #include "../scene/scene.hpp"
 

@@ -10,15 +10,13 @@
 #include "../base/error.hpp"
 #include "../base/threads.hpp"
 #include "../base/types.hpp"
+#include "bromwich/dynamics.hpp"
 
 #include <memory>
 #include <utility>
 
 namespace bromwich {
 
-struct DenseDynamics;
-struct KroneckerDynamics;
-struct SparseDynamics;
 struct Spectrum;
 
 /// A prepared (zE - A)^{-1} for one shift z, real or complex. Used by one thread at a time.

@@ -7,24 +7,12 @@
 // (core/goal/reconstruction.hpp). Implicit Euler: v_i = -||x_i - x_{i-1}||^2 / 2 in the norm of Q^T E; implicit
 // midpoint with u constant: v_i = h/12 ||x_i - x_{i-1}||^2 in that of Q^T R Q.
 
+#include "bromwich/goal.hpp"
 #include "reconstruction.hpp"
 
 namespace bromwich {
 
-struct EnergyBalance {
-  Vector energy;      ///< M+1: H(x_i)
-  Vector supplied;    ///< M: through the ports during the step, ∫ u^T B^T Q x
-  Vector dissipated;  ///< M: during the step
-  Vector violation;   ///< M: dissipated - supplied + change of energy
-};
-
 EnergyBalance energy_balance(const Trajectory&);
-
-/// Both terms of dH/dt = supplied - dissipated at the time points, with the left limit of u (at t = 0 the right limit).
-struct PowerBalance {
-  Vector supplied;    ///< M+1: u^T B^T Q x, and y^T B^T Q^T E x of constraints
-  Vector dissipated;  ///< M+1: x^T Q^T R Q x
-};
 
 /// With constraints: `y` ((M+1) x n) at the time points, and `port_matrix` (m x n, Q^T E B).
 PowerBalance power_balance(const Trajectory&, const RowMatrix& y = {}, const RowMatrix& port_matrix = {});

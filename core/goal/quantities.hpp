@@ -2,6 +2,7 @@
 // Quantities of interest: functionals I of the trajectory, with their derivatives.
 
 #include "../base/time_function.hpp"
+#include "bromwich/goal.hpp"
 #include "energy_balance.hpp"
 
 #include <memory>
@@ -41,37 +42,5 @@ class QuantityOfInterest {
   /// All at once; the gradient if requested.
   virtual QuantityEvaluation evaluate(const Trajectory&, bool with_gradient) const;
 };
-
-/// I_glob = (Σ_i v_i)^2, the violation of the energy balance over [0, T].
-std::shared_ptr<const QuantityOfInterest> global_balance();
-
-/// I_loc = Σ_cells v^2.
-std::shared_ptr<const QuantityOfInterest> local_balance();
-
-/// I_loc + rho ∫ |x|^2 dt. Throws Error if rho is negative or not finite.
-std::shared_ptr<const QuantityOfInterest> weighted_balance(double rho);
-
-/// A user-defined quantity ∫ j(t, x) dt + e(x(T)), each term with its gradient; either may be omitted.
-struct UserQuantity {
-  std::string name = "user";
-  std::function<double(double t, const Vector&x)> density, end;  ///< `end` is called with t = T
-  std::function<Vector(double t, const Vector&x)> density_gradient, end_gradient;
-  std::vector<double> breakpoints;  ///< of the density
-  std::optional<double> exact;
-};
-/// Throws Error if a function is given without its gradient, or if both are omitted.
-std::shared_ptr<const QuantityOfInterest> user_quantity(UserQuantity);
-
-/// ∫ (x^T W x + c(t)^T x) dt + x(T)^T end_W x(T) + end_c^T x(T); empty members are 0.
-struct QuadraticQuantity {
-  std::string name = "user";
-  SparseMatrix W, end_W;            ///< m x m
-  TimeFunction c;                   ///< m values
-  Vector end_c;                     ///< m
-  std::vector<double> breakpoints;  ///< of c
-  std::optional<double> exact;
-};
-/// Throws Error if all members are empty or a member has the wrong size; names the member.
-std::shared_ptr<const QuantityOfInterest> quadratic_quantity(const QuadraticQuantity&, Index states);
 
 }  // namespace bromwich

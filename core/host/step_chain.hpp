@@ -32,6 +32,7 @@
 #include "../base/plan.hpp"
 #include "../base/threads.hpp"
 #include "../base/types.hpp"
+#include "bromwich/goal.hpp"
 #include "step_map.hpp"
 
 #include <cstddef>
@@ -55,17 +56,6 @@ struct StepChainProblem {
 
   /// Throws Error that names the first map or step with a wrong shape, value or index.
   void validate() const;
-};
-
-/// exact: substitution or scan, whichever is faster on the backend and fits.
-enum class AdjointMethod { exact, substitution, jacobi, doubling, scan };
-
-struct AdjointChoice {
-  AdjointMethod method = AdjointMethod::exact;
-  Index sweeps = 1;  ///< Jacobi sweeps, at least 1
-
-  /// Returns `sweeps`. Throws Error if it is less than one.
-  Index checked_sweeps() const;
 };
 
 /// A plan for one chain, made by Backend::step_chain. All maps are factorized when it is made. Works on host values,
@@ -111,10 +101,6 @@ struct StepSizes {
 
 /// Throws Error unless t is finite, increasing, and has at least two points.
 StepSizes group_steps(const Vector& t);
-
-/// S, R of one step of x' = A x + ...: implicit Euler I - hA, I; implicit midpoint I - hA/2, I + hA/2; exponential I,
-/// e^{hA} (dense).
-enum class StepScheme { euler, midpoint, exponential };
 
 StepMap step_map(StepScheme, const StepMatrix& A, double h);
 /// The maps of all steps of a grid.

@@ -13,6 +13,7 @@
 #include "../dynamics/dynamics.hpp"
 #include "../numerics/matrix_phi.hpp"
 #include "../scene/scene.hpp"
+#include "bromwich/result.hpp"
 #include "compression.hpp"
 #include "recurrence.hpp"
 
@@ -24,18 +25,6 @@
 #include <vector>
 
 namespace bromwich {
-
-/// Counts of computed data; data found here do not count.
-struct PreparationCounts {
-  Index exponentials = 0;     ///< e^{hA} with its phi-functions from the beginning
-  Index doublings = 0;        ///< the same from half the step
-  Index factorizations = 0;   ///< of I - hA
-  Index spectra = 0;          ///< of A
-  Index fits = 0;             ///< of a kernel by exponentials
-  Index initial_fits = 0;     ///< of the response to x0
-  Index shifted_solves = 0;   ///< nodes at which N (zE - A)^{-1} B was computed, for lag weights of sparse dynamics
-  Index classifications = 0;  ///< of M
-};
 
 /// A fit on [from, T] and what follows from it.
 struct KernelFit {

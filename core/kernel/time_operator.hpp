@@ -9,7 +9,7 @@
 // core/kernel/modal_operator.cpp works in sine modes, core/kernel/lag_operator.cpp tabulates weights from shifted
 // solves.
 
-#include "../result/tuning.hpp"
+#include "bromwich/options.hpp"
 #include "changes.hpp"
 #include "discrete_problem.hpp"
 #include "ringing.hpp"

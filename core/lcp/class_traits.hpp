@@ -4,15 +4,14 @@
 // Methods, backends and stages use these properties and never the name of a class. So a new class is one line of
 // `lcp_class_table` and its test in core/lcp/lcp_class.cpp.
 
+#include "bromwich/lcp.hpp"
+
 #include <array>
 #include <cstddef>
 #include <optional>
 #include <string_view>
 
 namespace bromwich {
-
-/// The class of M as stated by the user. `automatic`: it is tested (core/lcp/lcp_class.hpp).
-enum class LcpClass { automatic, P, Z, PSD, unknown };
 
 /// The answers of one class. At most one of the three ways to a solution holds.
 struct LcpClassTraits {

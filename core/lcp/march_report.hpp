@@ -1,7 +1,7 @@
 #pragma once
 
 #include "../base/types.hpp"
-#include "count.hpp"
+#include "bromwich/result.hpp"
 
 namespace bromwich {
 

@@ -1,27 +1,14 @@
 #pragma once
-// The complementarity matrix M.
+// Operations on the complementarity matrix M.
 
 #include "../base/types.hpp"
+#include "bromwich/lcp.hpp"
 #include "class_traits.hpp"
 
 #include <memory>
 #include <variant>
 
 namespace bromwich {
-
-/// Tridiagonal matrix by its three diagonals; lower[0] and upper[n-1] are not used.
-struct Tridiagonal {
-  Vector lower, diagonal, upper;
-};
-
-/// A sparse M. Copies share the entries.
-struct SparseLcpMatrix {
-  explicit SparseLcpMatrix(SparseMatrix);  ///< compresses it
-  std::shared_ptr<const SparseMatrix> entries;
-};
-
-/// The complementarity matrix M: dense, tridiagonal, or sparse.
-using LcpMatrix = std::variant<Matrix, Tridiagonal, SparseLcpMatrix>;
 
 /// The entries of a sparse M; null if M is dense or tridiagonal.
 inline const SparseMatrix* sparse_of(const LcpMatrix& M) {

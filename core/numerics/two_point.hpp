@@ -8,7 +8,7 @@
 // 13, 1992). No products of P_k are formed, so modes that grow or decay by e^{1000} are computed stably if the boundary
 // condition determines them. If it does not, the last 2m x 2m system is ill-conditioned.
 
-#include "boundary_condition.hpp"
+#include "bromwich/scene.hpp"
 
 #include <vector>
 

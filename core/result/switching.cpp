@@ -7,41 +7,48 @@ namespace bromwich {
 
 namespace {
 
-// The root of the extrapolated rows nearest, next, last (NaN if there is none), at distances 0, 1, 2 steps on the
-// active side. The root and its error are in steps from `nearest` into the step where y vanishes. Empty if outside the
-// step.
-struct Root {
-  double distance, error;
+struct Value {
+  double t, y;
 };
-std::optional<Root> root(double nearest, double next, double last, double beyond = 0) {
-  const double slope = next - nearest, distance = nearest / slope;
-  if (!(distance >= -beyond) || !(distance <= 1 + beyond)) return std::nullopt;
-  // Remainder of the linear continuation, d (1 + d)/2 times the second difference, over the slope.
-  const double curvature = std::abs(last - 2 * next + nearest);
-  const double error = std::abs(distance * (1 + distance) / 2 * curvature / slope);
-  return Root{distance, std::isnan(error) ? 0.5 : std::min(error, 0.5)};
+struct Root {
+  double t, error;
+};
+/// Where the line through `nearest` and `next` vanishes, and what the curvature up to `last` says of its error; all
+/// three are on the active side. Empty if it is outside the step [begin, end], by more than the part `beyond` of it.
+std::optional<Root> root(Value nearest, Value next, Value last, double begin, double end, double beyond = 0) {
+  const double slope = (next.y - nearest.y) / (next.t - nearest.t), t = nearest.t - nearest.y / slope;
+  const double h = end - begin;
+  if (!(t >= begin - beyond * h) || !(t <= end + beyond * h)) return std::nullopt;
+  // Remainder of the linear continuation, (t - t_0)(t - t_1) times the second divided difference, over the slope.
+  const double curvature = ((last.y - next.y) / (last.t - next.t) - slope) / (last.t - nearest.t);
+  const double error = std::abs((t - nearest.t) * (t - next.t) * curvature / slope);
+  return Root{t, std::isnan(error) ? h / 2 : std::min(error, h / 2)};
 }
 
 // Discontinuous y: extrapolates from the interval next to step j that is active throughout. The step itself may be
 // active in part, so its y is not used.
-Switch by_line(const Result& r, Index j, Index i, bool on, double zero) {
+Switch by_line(const Solution& r, Index j, Index i, bool on, double zero) {
   constexpr double beyond = 0.1;  // of a step: y is known to O(h^2), and so are its roots
   const Index N = r.y_left.rows();
   const auto active = [&](Index k) { return k >= 0 && k < N && r.y_left(k, i) > zero && r.y(k + 1, i) > zero; };
   const double middle = (r.t[j] + r.t[j + 1]) / 2, half = (r.t[j + 1] - r.t[j]) / 2;
   const Index k = !on ? j - 1 : active(j) ? j : j + 1, farther = on ? k + 1 : k - 1;
   if (!active(k)) return {middle, i, on, half};
-  const double left = r.y_left(k, i), right = r.y(k + 1, i), h = r.t[k + 1] - r.t[k];
-  const double last = !active(farther) ? NAN : on ? r.y(k + 2, i) : r.y_left(farther, i);
-  const std::optional<Root> found = on ? root(left, right, last, beyond) : root(right, left, last, beyond);
-  if (!found) return {middle, i, on, half};
-  return {on ? r.t[k] - h * found->distance : r.t[k + 1] + h * found->distance, i, on, h * found->error};
+  const Value left{r.t[k], r.y_left(k, i)}, right{r.t[k + 1], r.y(k + 1, i)};
+  const Value last = !active(farther) ? Value{NAN, NAN}
+                     : on             ? Value{r.t[k + 2], r.y(k + 2, i)}
+                                      : Value{r.t[farther], r.y_left(farther, i)};
+  const double begin = on ? r.t[k] - (r.t[k + 1] - r.t[k]) : r.t[k + 1];
+  const double end = on ? r.t[k] : r.t[k + 1] + (r.t[k + 1] - r.t[k]);
+  const std::optional<Root> found =
+      on ? root(left, right, last, begin, end, beyond) : root(right, left, last, begin, end, beyond);
+  return found ? Switch{found->t, i, on, found->error} : Switch{middle, i, on, half};
 }
 
 }  // namespace
 
-std::vector<Switch> switches(const Result& result, double negligible) {
-  const RowMatrix& y = result.y;
+std::vector<Switch> switches(const Solution& s, double negligible) {
+  const RowMatrix& y = s.y;
   Index rows = 0;
   while (rows < y.rows() && (rows == 0 || y.row(rows).allFinite())) ++rows;
   const Index first = rows > 0 && y.row(0).allFinite() ? 0 : 1;
@@ -49,24 +56,22 @@ std::vector<Switch> switches(const Result& result, double negligible) {
   if (rows - first < 2 || y.cols() == 0) return found;
   const double zero = negligible * y.middleRows(first, rows - first).cwiseAbs().maxCoeff();
   for (Index j = first; j + 1 < rows; ++j) {
-    // On a grid with different step sizes only the step is reported.
-    const double h = result.goal ? result.t[j + 1] - result.t[j] : result.t[1] - result.t[0];
     for (Index i = 0; i < y.cols(); ++i) {
       const bool before = y(j, i) > zero, on = y(j + 1, i) > zero;
       if (before == on) continue;
-      if (result.y_left.size() > 0) {
-        found.push_back(by_line(result, j, i, on, zero));
+      if (s.y_left.size() > 0) {
+        found.push_back(by_line(s, j, i, on, zero));
         continue;
       }
       // Rows of the active side, away from the step; rows where y vanishes again are not used.
       const Index start = on ? j + 1 : j, direction = on ? 1 : -1;
       const auto value = [&](Index steps) {
         const Index row = start + direction * steps;
-        return row >= first && row < rows && y(row, i) > zero ? y(row, i) : NAN;
+        return row >= first && row < rows && y(row, i) > zero ? Value{s.t[row], y(row, i)} : Value{NAN, NAN};
       };
-      const std::optional<Root> r = result.goal ? std::nullopt : root(value(0), value(1), value(2));
-      const double from = result.t[start], t = r ? from - double(direction) * h * r->distance : result.t[j] + h / 2;
-      found.push_back({t, i, on, h * (r ? r->error : 0.5)});
+      const std::optional<Root> r = root(value(0), value(1), value(2), s.t[j], s.t[j + 1]);
+      const double half = (s.t[j + 1] - s.t[j]) / 2;
+      found.push_back(r ? Switch{r->t, i, on, r->error} : Switch{s.t[j] + half, i, on, half});
     }
   }
   std::stable_sort(found.begin(), found.end(), [](const Switch& a, const Switch& b) { return a.t < b.t; });

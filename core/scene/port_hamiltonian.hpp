@@ -1,45 +1,10 @@
 #pragma once
-// Linear port-Hamiltonian systems:
-//
-//     E x' = (J - R) Q x + B u(t),   output B^T Q x,   energy H(x) = x^T Q^T E x / 2,
-//     dH/dt = u^T B^T Q x - (Q x)^T R (Q x):  power supplied by the ports minus dissipation.
-//
-// symbol  variable              shape   meaning
-// E       PortHamiltonian::E    m x m   descriptor matrix, regular; empty = identity
-// J, R    PortHamiltonian::J,R  m x m   structure (skew) and dissipation (symmetric, positive semidefinite)
-// Q       PortHamiltonian::Q    m x m   energy, Q^T E symmetric and positive semidefinite; empty = identity
-// B, u    PortHamiltonian::B,u  m x k   ports and their input
 
-#include "../base/time_function.hpp"
 #include "scene.hpp"
 
 #include <vector>
 
 namespace bromwich {
-
-struct PortHamiltonian {
-  SparseMatrix E, J, R, Q, B;
-  TimeFunction u;             ///< k values; empty = 0
-  std::vector<double> jumps;  ///< times where u is known to jump; others are searched (input_jumps)
-
-  Index states() const { return J.rows(); }
-  Index ports() const { return B.cols(); }
-
-  /// Throws Error naming the first member that breaks the structure: sizes, J + J^T = 0, R and Q^T E symmetric and
-  /// positive semidefinite (to rounding, whatever the units of the rows), E regular. For a singular E it describes the
-  /// system (describe_singular).
-  void validate() const;
-
-  SparseMatrix state_matrix() const;        ///< (J - R) Q
-  SparseMatrix energy_matrix() const;       ///< Q^T E
-  SparseMatrix dissipation_matrix() const;  ///< Q^T R Q
-  SparseMatrix output_matrix() const;       ///< Q^T B; outputs are its transpose times x
-  double energy(const Vector& x) const;     ///< H(x)
-};
-
-/// The system without complementarity as a scene: A = E^{-1} (J - R) Q, f = E^{-1} B u; dense up to 256 states,
-/// Scene::port set, no constraints. Validates the structure.
-Scene make_scene(PortHamiltonian port, const Vector& x0, double T);
 
 /// A scene without constraints with one that never acts, 0 <= y ⊥ y >= 0.
 Scene with_idle_constraint(Scene);

@@ -186,3 +186,5 @@ ComplexMatrix Backend::resolvent(const Dynamics& dynamics, const ComplexVector& 
 }
 
 }  // namespace bromwich
+
+void std::default_delete<bromwich::Backend>::operator()(bromwich::Backend* backend) const { delete backend; }

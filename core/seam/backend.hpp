@@ -6,6 +6,7 @@
 // Optional operations are in `fused` (fused_operations.hpp).
 
 #include "../base/threads.hpp"
+#include "bromwich/backend.hpp"
 #include "fused_operations.hpp"
 #include "plans.hpp"
 #include "traits.hpp"

@@ -18,16 +18,20 @@ constexpr Index values_of_a_thread = 1 << 15;  ///< of x0: 256 KiB, a few times 
 }  // namespace
 
 Solver::Solver(Scene scene, Backend& backend, Options options)
-    : scene_(std::move(scene)), backend_(backend), options_{std::move(options)} {
+    : scene_(std::move(scene)),
+      backend_(backend),
+      options_(std::make_unique<InnerOptions>(InnerOptions{std::move(options)})) {
   scene_.validate();
   scene_.dynamics = Dynamics(scene_.dynamics);  // whose values nobody else can change
-  options_.prepared = std::make_shared<Prepared>();
-  options_.prepared->stated = &scene_;
-  options_.family = std::make_shared<GridFamily>(controls_error(options_));
-  if (!options_.tuning.first_iterate) return;
-  first_iterate_ = *options_.tuning.first_iterate;
-  options_.tuning.first_iterate = &first_iterate_;
+  options_->prepared = std::make_shared<Prepared>();
+  options_->prepared->stated = &scene_;
+  options_->family = std::make_shared<GridFamily>(controls_error(*options_));
+  if (!options_->tuning.first_iterate) return;
+  first_iterate_ = *options_->tuning.first_iterate;
+  options_->tuning.first_iterate = &first_iterate_;
 }
+
+Solver::~Solver() = default;
 
 void Solver::set_x0(const Vector& x0) {
   if (x0.size() != scene_.states()) return take_x0(next_x0_ = x0);  // it throws
@@ -53,7 +57,7 @@ void Solver::take_x0(Vector& x0, bool valid) {
   if (!valid) scene_.validate_x0(x0);
   scene_.x0.swap(x0);
   scene_.exact = {};
-  options_.prepared->add({true, false});
+  options_->prepared->add({true, false});
 }
 
 void Solver::set_sources(TimeFunction f, TimeFunction g, std::vector<double> breakpoints, bool breakpoints_are_all) {
@@ -80,19 +84,19 @@ void Solver::set_sources(TimeFunction f, TimeFunction g, std::vector<double> bre
     port.jumps = scene_.breakpoints;
     scene_.port = std::make_shared<const PortHamiltonian>(std::move(port));
   }
-  options_.prepared->add({false, true});
+  options_->prepared->add({false, true});
 }
 
 Result Solver::solve() {
   try {
-    options_.prepared->end_of_solve();
-    return solve_valid(scene_, backend_, options_);
+    options_->prepared->end_of_solve();
+    return solve_valid(scene_, backend_, *options_);
   } catch (...) {  // what was kept may be half of this solve and half of the one before
-    options_.prepared->grids.clear();
+    options_->prepared->grids.clear();
     throw;
   }
 }
 
-PreparationCounts Solver::made() const { return options_.family->counts(); }
+PreparationCounts Solver::made() const { return options_->family->counts(); }
 
 }  // namespace bromwich

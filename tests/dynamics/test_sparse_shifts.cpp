@@ -2,6 +2,7 @@
 
 #include "core/dynamics/sparse_shifts.hpp"
 
+#include "core/seam/backend.hpp"
 #include "cpu/cpu_backend.hpp"
 #include "tests/support/reference.hpp"
 

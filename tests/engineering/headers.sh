@@ -8,11 +8,11 @@ set -euo pipefail
 cd "$1"
 out=$2
 shift 2
-export out compile="$* -I. -fsyntax-only -Werror"
+export out compile="$* -Iinclude -I. -fsyntax-only -Werror"
 mkdir -p "$out"
 
 echo '#include "core/base/types.hpp"' >"$out/types_first.hpp"
-$* -I. -x c++-header "$out/types_first.hpp" -o "$out/types_first.hpp.gch"
+$* -Iinclude -I. -x c++-header "$out/types_first.hpp" -o "$out/types_first.hpp.gch"
 
 # check_header PATH: prints the compiler's words and fails where the header does not compile.
 check_header() {
@@ -42,7 +42,7 @@ for bare in missing_include missing_guard; do
   fi
 done
 
-mapfile -t headers < <(find core catalogue derivatives batch nonlinear ranks cpu files -name '*.hpp' | sort)
+mapfile -t headers < <(find include core catalogue derivatives batch nonlinear ranks cpu files -name '*.hpp' | sort)
 ((${#headers[@]} > 40)) || { echo "headers: only ${#headers[@]} found in $PWD"; exit 1; }
 printf '%s\n' "${headers[@]}" | xargs -P "$(nproc)" -I {} bash -c 'check_header {}'
 echo "headers: ${#headers[@]} compile alone"

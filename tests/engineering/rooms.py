@@ -1,12 +1,13 @@
 #!/usr/bin/env python3
 """rooms.py SOURCE [--draw OUT.dot]: the include graph of core/ and of the folders beside it, held against their order.
 
-A room is a folder of core/, or a folder beside it with a library of its own. core/ROOMS lists them from the ground up; a
-file may include files of its own room and of the rooms below it. Fails on a room or file that is not listed, on an
-include that points up, and on a circle of files (a header and its source count as one). They include no other folder.
-No file of core asks for the kind of dynamics:
-methods ask for capabilities (core/dynamics/linear_system.hpp). Nothing outside core/lcp compares the name of a class of
-complementarity matrices: it asks for a trait (core/lcp/class_traits.hpp). `--classes` lists where classes are named. Examples include what is installed.
+A room is a folder of core/, or a folder beside it with a library of its own. core/ROOMS lists them from the ground up.
+Below them all are the public headers (include/bromwich), which include each other alone. A file may include files of its
+own room and of the rooms below it. Fails on a room or file that is not listed, on an include that points up, and on a
+circle of files (a header and its source count as one). They include no other folder.
+No file of core asks for the kind of dynamics: methods ask for capabilities (core/dynamics/linear_system.hpp). Nothing
+outside core/lcp compares the name of a class of complementarity matrices: it asks for a trait
+(core/lcp/class_traits.hpp). `--classes` lists where classes are named. Examples include what is installed.
 """
 
 import re
@@ -21,10 +22,11 @@ KIND = re.compile(r"\b(?:get|get_if|holds|made_from)<\w+Dynamics>")
 def included(root, path):
     """Files of the project that `path` includes, relative to the root."""
     for name in INCLUDE.findall(path.read_text()):
-        beside, above = (path.parent / name).resolve(), (root / name).resolve()
-        found = beside if beside.is_file() else above
-        if found.is_file() and found.is_relative_to(root):
-            yield found.relative_to(root)
+        for folder in (path.parent, root, root / "include"):
+            found = (folder / name).resolve()
+            if found.is_file() and found.is_relative_to(root):
+                yield found.relative_to(root)
+                break
 
 
 def unit(path):
@@ -33,7 +35,7 @@ def unit(path):
 
 def graph_of(root, beside):
     graph = {}
-    for path in sorted(p for folder in ("core", *beside) for p in (root / folder).rglob("*")):
+    for path in sorted(p for folder in ("include", "core", *beside) for p in (root / folder).rglob("*")):
         if path.suffix in (".hpp", ".cpp"):
             own = path.relative_to(root)
             edges = graph.setdefault(unit(own), {})
@@ -78,14 +80,17 @@ def rooms_of(root):
 
 
 def room_of(name):
-    """The room of a file: core/ROOM/NAME or ROOM/NAME."""
+    """The room of a file: core/ROOM/NAME, ROOM/NAME, or "include" of all public headers."""
     parts = name.split("/")[:-1]
+    if parts[0] == "include":
+        return "include"
     return parts[0] if parts[0] != "core" else "/".join(parts[1:])
 
 
 def named_classes(root):
     """Lines outside core/lcp that name an LcpClass; tests may ask for what they like."""
-    for folder in ("core", *rooms_of(root)[1], "cpu", "kernels", "files", "app", "mpi", "report", "bench", "python", "examples"):
+    for folder in ("core", *rooms_of(root)[1], "cpu", "kernels", "files", "app", "mpi", "report", "bench", "python",
+                   "examples"):
         for path in sorted((root / folder).rglob("*")):
             own = path.relative_to(root)
             if path.suffix not in (".hpp", ".cpp", ".cu", ".cuh") or own.parts[:2] == ("core", "lcp"):
@@ -98,12 +103,12 @@ def named_classes(root):
 def faults(root):
     within, beside = rooms_of(root)
     graph = graph_of(root, beside)
-    level = {name: i for i, name in enumerate(within + beside)}
+    level = {name: i for i, name in enumerate(["include", *within, *beside])}
     room = {u: room_of(u) for u in graph}
     for u, name in room.items():
         if name not in level:
             yield f"{u}: its folder is not listed in core/ROOMS"
-    for name in level:
+    for name in (*within, *beside):
         if name not in room.values():
             yield f"core/ROOMS: {name} has no files"
     for u, edges in graph.items():
@@ -136,7 +141,7 @@ def draw(root, out):
             if pair[0] != pair[1]:
                 counts[pair] = counts.get(pair, 0) + 1
     lines = ["digraph rooms {", "  rankdir=BT; node [shape=box];"]
-    lines += [f"  {name};" for name in within + beside]
+    lines += [f"  {name};" for name in ("include", *within, *beside)]
     lines += [f'  {a} -> {b} [label="{n}"];' for (a, b), n in sorted(counts.items())]
     Path(out).write_text("\n".join(lines) + "\n}\n")
 
@@ -150,7 +155,8 @@ def accepts_anything():
         for name, text in {"low/a.hpp": '#include "../high/b.hpp"\n', "high/b.hpp": '#include "../low/a.hpp"\n',
                            "high/c.cpp": "if (holds<DenseDynamics>(d)) return;\n",
                            "high/d.cpp": '#include "../../beside/f.hpp"\nif (c == LcpClass::P) return;\n',
-                           "../beside/f.hpp": '#include "../app/g.hpp"\n', "../app/g.hpp": ""}.items():
+                           "../beside/f.hpp": '#include "../app/g.hpp"\n', "../app/g.hpp": "",
+                           "../include/bromwich/h.hpp": '#include "core/low/a.hpp"\n'}.items():
             path = root / "core" / name
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(text)
@@ -158,8 +164,9 @@ def accepts_anything():
         (root / "examples" / "e.cpp").write_text('#include "core/low/a.hpp"\n')
         (root / "core" / "ROOMS").write_text("low\nhigh\n# beside core\nbeside\n")
         found = list(faults(root))
-        return not all(any(word in f for f in found) for word in ("above low", "above high", "stand alone", "circle", "asks for the kind", "asks for the name",
-                                                                  "not installed"))
+        expected = ("above low", "above high", "above include", "stand alone", "circle", "asks for the kind", "asks for the name",
+                    "not installed")
+        return not all(any(word in f for f in found) for word in expected)
 
 
 def main():

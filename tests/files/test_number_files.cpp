@@ -2,6 +2,7 @@
 // reported with the line of their own file.
 
 #include "core/base/error.hpp"
+#include "core/dynamics/dynamics.hpp"
 #include "files/number_files.hpp"
 #include "files/scene_file.hpp"
 #include "tests/support/refusal.hpp"

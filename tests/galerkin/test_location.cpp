@@ -206,7 +206,9 @@ TEST(GalerkinLocation, KeepsBreakpointsAsNodes) {
   EXPECT_NEAR(r.x(0, 0), known.start, 4e-9);
   const auto backend = make_cpu_backend(1);
   for (const Switch& s : switches_with_errors(scene, *backend, options, r))
-    if (!s.on) EXPECT_LE(std::abs(s.t - known.off), s.error) << "its error says how far it is off";
+    if (!s.on) {
+      EXPECT_LE(std::abs(s.t - known.off), s.error) << "its error says how far it is off";
+    }
 }
 
 }  // namespace

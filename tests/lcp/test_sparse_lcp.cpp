@@ -2,6 +2,7 @@
 
 #include "core/base/error.hpp"
 #include "core/lcp/sparse_lcp.hpp"
+#include "core/seam/backend.hpp"
 #include "cpu/cpu_backend.hpp"
 
 #include <gtest/gtest.h>

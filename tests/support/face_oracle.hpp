@@ -1,11 +1,7 @@
 #pragma once
 // Transforms between the points and the modes of a face by sums over all points of a line, direction after direction.
 
-#ifdef BROMWICH_INSTALLED
-#include <bromwich/core/numerics/face_basis.hpp>
-#else
 #include "core/numerics/face_basis.hpp"
-#endif
 
 #include <cmath>
 #include <numbers>

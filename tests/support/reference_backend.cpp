@@ -1,16 +1,8 @@
-#ifdef BROMWICH_INSTALLED
-#include "reference_backend.hpp"
-#include <bromwich/core/base/error.hpp>
-#include <bromwich/core/lcp/active_set.hpp>
-#include <bromwich/core/seam/shared_memory.hpp>
-#include "face_oracle.hpp"
-#else
+#include "tests/support/reference_backend.hpp"
 #include "core/base/error.hpp"
 #include "core/lcp/active_set.hpp"
 #include "core/seam/shared_memory.hpp"
 #include "tests/support/face_oracle.hpp"
-#include "tests/support/reference_backend.hpp"
-#endif
 
 #include <algorithm>
 #include <cmath>
