@@ -1,5 +1,6 @@
 #include "core/solve/adapted_march.hpp"
 
+#include "core/accuracy/other_solution.hpp"
 #include "core/adapted/radau_steps.hpp"
 #include "core/adapted/tree_control.hpp"
 #include "core/base/text.hpp"
@@ -100,7 +101,8 @@ std::optional<Result> march_to_tolerance(const Scene& scene, const InnerOptions&
   result.well_posed = steps.well_posed();
   result.lcp.solved = steps.problems();
   result.lcp.newton = steps.newton();
-  if (result.well_posed) result.warning.clear();
+  result.warning.clear();
+  if (!result.well_posed) add_warning(result, may_be_others);
   result.continuous = result.jumps_inside = false;
   result.unresolved_sources = 0;
   result.euler_steps = 0;
