@@ -52,7 +52,10 @@ TrueError true_error(const SourceScene& s, const EventSolution& truth, const Res
   const Vector size_x = measure(truth.largest_x(), units.x);
   const Vector size_y = measure(e.of_mean ? truth.largest_integral() : truth.largest_y(), units.y);
   const RowMatrix mean = e.of_mean ? RowMatrix(integral_of_y(r) / (s.unit_y * s.unit_t)) : RowMatrix();
-  const Vector known = Vector::Zero(size_x.size()), doubt = (e.of_mean ? T : 1.0) * truth.doubt;
+  // Coefficients and sources are of order one in the natural units of a scene: a y of rounding size counts as 0.
+  constexpr double rounding = 1e-14;
+  const Vector known = Vector::Zero(size_x.size()),
+               doubt = (e.of_mean ? T : 1.0) * (truth.doubt.array() + rounding).matrix();
   const Index J = r.y.rows() - 1;
   for (Index j = 1; j <= J; ++j) {
     const double t = std::min(T, r.t[j] / s.unit_t);
