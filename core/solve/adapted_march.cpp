@@ -1,6 +1,5 @@
 #include "core/solve/adapted_march.hpp"
 
-#include "core/accuracy/other_solution.hpp"
 #include "core/adapted/radau_steps.hpp"
 #include "core/adapted/tree_control.hpp"
 #include "core/base/text.hpp"
@@ -92,17 +91,16 @@ std::optional<Result> march_to_tolerance(const Scene& scene, const InnerOptions&
       std::size_t(options.max_steps));
   const TreeGoal goal = goal_of(scene, options, first);
   std::optional<TreeSolution> solution = march_to_goal(tree, goal);
-  if (!solution) return std::nullopt;
+  if (!solution || !steps.well_posed()) return std::nullopt;
   Result result = first;
   result.x_components = recorded_components(scene, options);
   result.errors = estimate_of(*solution, goal, result.x_components);
   result.error_estimate = result.errors->estimates.back();
   result.kernel = kernel_of(tree.leaves(), scene.T);
-  result.well_posed = steps.well_posed();
+  result.well_posed = true;
   result.lcp.solved = steps.problems();
   result.lcp.newton = steps.newton();
   result.warning.clear();
-  if (!result.well_posed) add_warning(result, may_be_others);
   result.continuous = result.jumps_inside = false;
   result.unresolved_sources = 0;
   result.euler_steps = 0;

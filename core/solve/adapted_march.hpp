@@ -10,7 +10,8 @@
 namespace bromwich {
 
 /// Rows at the ends of `cells` equal parts of [0, T], or at `times`, increasing from 0 to T; `first`: of some grid,
-/// whose rounding and notices stay. Nothing where the tolerance is not met with max_steps steps.
+/// whose rounding stays. Nothing where the tolerance is not met with max_steps steps, and where the problems of short
+/// steps may have several solutions: two marches over one tree go to the same one, and agree on anything.
 std::optional<Result> march_to_tolerance(const Scene&, const InnerOptions&, Index cells, const Result& first,
                                          const Vector& times = {});
 

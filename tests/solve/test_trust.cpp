@@ -165,6 +165,13 @@ TEST(Trust, ShortStepsDoNotProveInfeasibility) {
   EXPECT_NE(solve(s.scene, *backend, options).status, Status::infeasible);
 }
 
+// Where a step has several solutions, two marches over the same tree of steps go to the same one: their difference says
+// nothing, and equal steps, which find others on other grids, decide.
+TEST(Trust, TreesOfStepsAreForStepsWithOneSolution) {
+  expect_within_tolerance({31035531, 31012343, 31000210, 31022309, 31032242, 31052581, 31004907});
+  expect_within_tolerance({804319, 805903}, Method::march);
+}
+
 // Seeds in which y is so small beside earlier terms of w that located events do not know its sign: other methods do.
 TEST(Trust, SmallYIsNotTakenForZero) { expect_within_tolerance({5017993, 5010612}); }
 
