@@ -61,6 +61,12 @@ std::string Section::place(const toml::source_region& source) const {
                      std::max<std::uint32_t>(source.begin.line, 1));
 }
 
+double value_of(const toml::node& node) {
+  if (const auto* whole = node.as_integer()) return double(whole->get());
+  const auto* value = node.as_floating_point();
+  return value ? value->get() : NAN;
+}
+
 const toml::node* Section::find(const std::string& key) const { return table_ ? table_->get(key) : nullptr; }
 
 std::string Section::where(const toml::node& node, const std::string& key) const {
@@ -89,10 +95,10 @@ double Section::number(const toml::node& node, const std::string& key) const {
   if (const auto* text = node.as_string())
     return document_->expressions.kept().get(
         "the number " + text->get(), {}, [&] { return document_->expressions.number(text->get(), where(node, key)); });
-  const auto value = node.is_number() ? node.value<double>() : std::nullopt;
-  if (!value || !std::isfinite(*value))
+  const double value = value_of(node);
+  if (!std::isfinite(value))
     throw Error(where(node, key), "found " + kind(node), "give a finite number, or an expression in quotes");
-  return *value;
+  return value;
 }
 
 double Section::number(const std::string& key) const { return number(require(key), key); }

@@ -114,5 +114,7 @@ class Section {
 
 /// "a number", "a list", ...
 std::string kind(const toml::node& node);
+/// Of an integer, however large, or a number with a point; NaN of other nodes.
+double value_of(const toml::node& node);
 
 }  // namespace bromwich

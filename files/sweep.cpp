@@ -95,10 +95,9 @@ class SweepReader {
 
   double number(const toml::node& node, const std::string& key) const {
     if (const auto* text = node.as_string()) return document_.expressions.number(text->get(), section_.where(key));
-    const auto value = node.is_number() ? node.value<double>() : std::nullopt;
-    if (!value || !std::isfinite(*value))
-      refuse(key, "found " + kind(node), "give finite numbers, or expressions in quotes");
-    return *value;
+    const double value = value_of(node);
+    if (!std::isfinite(value)) refuse(key, "found " + kind(node), "give finite numbers, or expressions in quotes");
+    return value;
   }
 
   static bool is_draw(const toml::node& node) {

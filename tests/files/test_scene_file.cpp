@@ -58,6 +58,15 @@ TEST(SceneFile, ReadsWhatIsWritten) {
   EXPECT_FALSE(file.reference);
 }
 
+// Above 2^53 not every integer is a double; the nearest one is meant.
+TEST(SceneFile, LargeWholeNumbersAreNumbers) {
+  const Scene scene = parse(
+                          "[dynamics]\nA = [[-1]]\nB = [[21321961620469081]]\nx0 = [0]\n[complementarity]\n"
+                          "N = [[1]]\nM = [[1]]\n[time]\nT = 1\n")
+                          .scene;
+  EXPECT_EQ(get<DenseDynamics>(scene.dynamics).B(0, 0), 21321961620469080.0);
+}
+
 TEST(SceneFile, ReadsAMassMatrix) {
   EXPECT_EQ(dense(parse(lines(small_scene))).E.size(), 0);
   const SceneFile file = parse(with(7, "x0 = [3]\nE = [[\"2*R\"]]"));

@@ -21,6 +21,10 @@ constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 /// Whether a row lies this close to a jump of x, either side counts; relative to T.
 constexpr double beside = 1e-5;
 
+/// Times at which two flows are compared: a jump that one of them has later is seen where it is later than rows of
+/// results are apart.
+constexpr Index points = 2000;
+
 /// Distance of x to what the flow passes between t - d and t + d.
 Vector apart(const Flow& flow, const Vector& x, double t, double d) {
   const Vector values[] = {flow.left(t), flow.right(t), flow.left(std::max(0.0, t - d)),
@@ -67,8 +71,8 @@ KnownFlow known_flow(const EngineeringScene& s, const Vector& x0, double T, doub
     if (!a.decided || !b.decided) return double(INFINITY);
     const Vector scale = error_scale(s, a);
     double largest = 0;
-    for (Index k = 1; k <= 200; ++k) {
-      const double t = a.T * double(k) / 200;
+    for (Index k = 1; k <= points; ++k) {
+      const double t = a.T * double(k) / double(points);
       largest = std::max(largest, apart(a, b.left(t), t, beside * a.T).cwiseQuotient(scale).maxCoeff());
     }
     return largest;
