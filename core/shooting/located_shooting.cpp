@@ -24,8 +24,10 @@ constexpr double finest_flow = 1e-12;
 constexpr double least_size = 1e-3;       ///< of the largest component: sizes of others are at least that
 constexpr double singular_share = 1e-11;  ///< of the terms of E0 + ET D: singular values that are rounding
 constexpr int most_newton = 40, most_halved = 8;
-constexpr int first_periods = 2, later_periods = 10, most_periods = 150;
-constexpr double settles = 0.99;  ///< of F before some periods, at most
+constexpr int first_periods = 2, later_periods = 20, most_periods = 150;
+constexpr double settles = 0.99;          ///< of F before some periods, at most
+constexpr double drifting = 1e-2;         ///< of what a period moves: difference to the one before
+constexpr double most_at_once = 1 << 16;  ///< periods
 
 Vector end_of_flow(const EventSolution& s) {
   const EventPiece& last = s.pieces.back();
@@ -183,11 +185,19 @@ class LocatedShooting {
     return given || !is_periodic(c_) || settle(first_periods);
   }
 
+  // Periods from the last iterate on. Where one moves the state as the one before did, the state drifts towards a
+  // constraint, and twice as many periods are passed at once.
   bool settle(int periods) {
+    double at_once = 1;
     for (int k = 0; k < periods && now_.defect > rounding_of_F; ++k) {
-      auto it = flow_from(end_of_flow(now_.flow));
-      if (!it) return false;
-      take(std::move(*it));
+      const Vector moved = end_of_flow(now_.flow) - now_.x;
+      auto it = flow_from(now_.x + at_once * moved);
+      if (!it && (solution_.interrupted || at_once == 1)) return false;
+      const bool alike = it && (end_of_flow(it->flow) - it->x - moved).norm() <= drifting * moved.norm();
+      if (alike && at_once > most_at_once)
+        return give_up(text("the state drifts: after %.0f periods each still moves it as the first did", at_once));
+      if (alike || at_once == 1) take(std::move(*it));
+      at_once = alike ? 2 * at_once : std::max(at_once / 4, 1.0);
     }
     return true;
   }

@@ -262,6 +262,20 @@ TEST(LocatedShooting, RefusesModesThatNothingDetermines) {
   EXPECT_NE(refusal([&] { shot(scene); }).find("boundary: E0 + ET e^{TA} is singular"), std::string::npos);
 }
 
+// x' = 1 - cos(2 pi t) - y, w = c - x: x rises by 1 a period, up to c, a thousand periods away. There y balances the
+// rest: x(0) = c, since x' >= 0 without y.
+TEST(LocatedShooting, ReachesAConstraintManyPeriodsAway) {
+  Scene scene = one_state(0, 0, [](double t) { return 1 - std::cos(2 * pi * t); }, {});
+  scene.dynamics = DenseDynamics{Matrix{{0}}, Matrix{{-1}}, Matrix{{-1}}};
+  scene.g = [](double, Eigen::Ref<Vector> v) { v[0] = 1000; };
+  const Result r = shot(scene);
+  ASSERT_EQ(r.status, Status::solved) << r.reason;
+  EXPECT_NEAR(r.x(0, 0), 1000, 1000 * close);
+  // Without the constraint nothing ends the rise.
+  scene.g = [](double, Eigen::Ref<Vector> v) { v[0] = 1e12; };
+  EXPECT_NE(shoot_on_events(scene, LcpClass::unknown, {}, {}).reason.find("the state drifts"), std::string::npos);
+}
+
 TEST(LocatedShooting, SaysWhatWasTriedWhereNothingIsPeriodic) {
   // Pushed off its stop once a period, x grows by e^80 and comes never back.
   const Scene scene = one_state(
