@@ -50,6 +50,21 @@ Vector larger(const Vector& before, const Matrix& c) {
   return before.cwiseMax(c.cwiseAbs().colwise().sum().transpose());
 }
 
+// d^k/dt^k of polynomials on a step of length h. Within a short step it may be rounding of the values, and is zero
+// then.
+Matrix derivative(const Matrix& values, int k, double h) {
+  const Matrix& D = Collocation::get().derivative;
+  Matrix c = values;
+  double grown = 64 * epsilon;
+  for (int i = 0; i < k; ++i) {
+    c = (D * c / h).eval();
+    grown *= D.cwiseAbs().colwise().sum().maxCoeff() / h;
+  }
+  for (Index i = 0; i < c.cols(); ++i)
+    if (c.col(i).cwiseAbs().sum() <= grown * values.col(i).cwiseAbs().sum()) c.col(i).setZero();
+  return c;
+}
+
 // Bounds the derivatives on [0, 1].
 Vector largest_slope(const Matrix& c) {
   return (Collocation::get().derivative * c).cwiseAbs().colwise().sum().transpose();
@@ -99,11 +114,10 @@ EventSteps::EventSteps(const SystemMatrices& system, const EventSources& sources
 double EventSteps::noise() const { return noise_share * tolerance_; }
 
 void EventSteps::sample(const SwitchedMode& mode, double t, double h, EventStep& step) const {
-  const Collocation& c = Collocation::get();
   step.sources = sources_.sample(t, h);
-  if (mode.uses_df) step.df = c.derivative * step.sources.f / h;
-  if (mode.uses_dg) step.dg = c.derivative * step.sources.g / h;
-  if (mode.uses_ddg) step.ddg = c.derivative * (c.derivative * step.sources.g) / (h * h);
+  if (mode.uses_df) step.df = derivative(step.sources.f, 1, h);
+  if (mode.uses_dg) step.dg = derivative(step.sources.g, 1, h);
+  if (mode.uses_ddg) step.ddg = derivative(step.sources.g, 2, h);
 }
 
 double EventSteps::sample_resolved(const SwitchedMode& mode, const EventPoint& p, EventStep& step) const {

@@ -42,6 +42,22 @@ TEST(EventDriven, ABallComesToRestOnARigidFloor) {
   EXPECT_NEAR(s.integral_of_y(3, true)[0], 1 + 2, 1e-9) << "the impulse and the weight";
 }
 
+// A mass starts at rest on a stop that is not at q = 0, pressed on by v' = -2 cos t + y up to t = pi/2. The first part
+// of the way is as short as rounding: there the second derivative of g = 1/4 is 0, and not rounding of g over its
+// square.
+TEST(EventDriven, AMassStartsOnItsStop) {
+  for (const double below : {0.0, 1e-17, 1e-16}) {
+    Scene scene = ball(-0.25 - below);
+    scene.f = [](double t, Eigen::Ref<Vector> v) { v << 0, -2 * std::cos(t); };
+    scene.g = [](double, Eigen::Ref<Vector> v) { v.setConstant(0.25); };
+    const EventSolution s = integrate_with_events(scene, LcpClass::PSD, {}, {});
+    ASSERT_TRUE(s.complete) << s.reason;
+    EXPECT_NEAR(s.y(1, true)[0], 2 * std::cos(1.0), 1e-9);
+    EXPECT_NEAR(s.x(3, true)[0], -0.25 + 2 * std::cos(3.0) + 6 - std::numbers::pi, 1e-9);
+    EXPECT_NEAR(s.x(3, true)[1], 2 - 2 * std::sin(3.0), 1e-9);
+  }
+}
+
 // x = -1e-11 e^{-t}, w = x + 2 y + g, g = 1 up to t = 1 and 0 after it: y = 5e-12 e^{-t} from there, far below what
 // counts as zero beside g.
 Scene tiny_y() {
