@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import cached_property
-from typing import Any, NamedTuple, Optional
+from typing import Any, NamedTuple, NoReturn, Optional
 
 import numpy as np
 
@@ -278,10 +278,26 @@ def place(backend: Any, device: Any) -> str:
     return backend
 
 
+def arrays(data: Iterable[Any], array: Callable[[Any], Any]) -> dict[str, Any]:
+    """The data by name; None for f and g that are not given, or have no columns."""
+    named = dict(zip(DATA, data))
+    return {k: None if v is None or (k in "fg" and v.shape[-1] == 0) else array(v) for k, v in named.items()}
+
+
+def require_real(name: str, is_complex: bool) -> None:
+    if is_complex:
+        raise Error(f"{name}: is complex; give real numbers", name)
+
+
+def no_second_derivative(*_: Any) -> NoReturn:
+    raise Error("derivative: of a derivative is not there; take differences of gradients", "derivative")
+
+
 def _summed_to(bar: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
     more = bar.ndim - len(shape)
     bar = bar.sum(axis=tuple(range(more)))
     return bar.sum(axis=tuple(i for i, k in enumerate(shape) if k == 1 and bar.shape[i] != 1), keepdims=True)
 
 
-__all__ = ["AXES", "DATA", "STATUSES", "Error", "How", "NotSolved", "Shapes", "Solved", "how", "leading", "on_a_device", "place", "whole"]
+__all__ = ["AXES", "DATA", "STATUSES", "Error", "How", "NotSolved", "Shapes", "Solved", "arrays", "how", "leading",
+           "no_second_derivative", "on_a_device", "place", "require_real", "whole"]

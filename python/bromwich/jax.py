@@ -33,12 +33,6 @@ _LIBRARY = on_device.Library(
 )
 
 
-def _named(data: tuple) -> dict[str, np.ndarray | None]:
-    # A source without columns stands for None, since callbacks take arrays only.
-    arrays = {name: np.asarray(v) for name, v in zip(common.DATA, data)}
-    return {name: None if name in "fg" and v.shape[-1] == 0 else v for name, v in arrays.items()}
-
-
 # ---- On the host: three primitives, the solve and the two directions of its derivative. Their arrays have the leading
 # axes of all scenes, of length 1 where scenes share one. Arrays with values are passed to the solver as they are, so that
 # its errors are those of Python; only under jax.jit it is called back.
@@ -48,8 +42,13 @@ def _leading(arrays: Any, names: Any) -> tuple[int, ...]:
     return np.broadcast_shapes(*(v.shape[: v.ndim - common.AXES.get(name, 2)] for name, v in zip(names, arrays)))
 
 
+def _solved(how: common.How, data: tuple) -> common.Solved:
+    # A source without columns stands for None, since callbacks take arrays only.
+    return common.Solved(common.arrays(data, np.asarray), *how)
+
+
 def _of_host(how: common.How, *data: Any) -> tuple:
-    solved = common.Solved(_named(data), *how)
+    solved = _solved(how, data)
     return *solved.outputs(), solved.status.astype(np.float64)
 
 
@@ -60,7 +59,7 @@ def _shapes_of_solution(how: common.How, *data: Any) -> list[tuple[int, ...]]:
 
 def _tangent_on_host(how: common.How, *given: Any) -> tuple:
     data, changes = given[: len(common.DATA)], given[len(common.DATA) :]
-    return common.Solved(_named(data), *how).tangent(_named(changes))
+    return _solved(how, data).tangent(common.arrays(changes, np.asarray))
 
 
 def _shapes_of_tangent(how: common.How, *given: Any) -> list[tuple[int, ...]]:
@@ -70,7 +69,7 @@ def _shapes_of_tangent(how: common.How, *given: Any) -> list[tuple[int, ...]]:
 
 def _gradient_on_host(how: common.How, *given: Any) -> tuple:
     data, of = given[: len(common.DATA)], given[len(common.DATA) :]
-    bars = common.Solved(_named(data), *how).gradient(of)
+    bars = _solved(how, data).gradient(of)
     shapes = _shapes_of_gradient(how, *given)
     return tuple(np.zeros(shape) if bar is None else bar for bar, shape in zip(bars, shapes))
 
@@ -123,7 +122,7 @@ def _tangent_of_solution(data: Any, changes: Any, how: common.How) -> tuple:
 def _tangent_of_derivative(primitive: Primitive, given: Any, changes: Any, how: common.How) -> tuple:
     data, of = given[: len(common.DATA)], changes[len(common.DATA) :]
     if any(type(change) is not ad.Zero for change in changes[: len(common.DATA)]):
-        raise Error("derivative: of a derivative is not there; take differences of gradients", "derivative")
+        common.no_second_derivative()
     return primitive.bind(*given, how=how), primitive.bind(*data, *map(ad.instantiate_zeros, of), how=how)
 
 
@@ -174,9 +173,7 @@ def _solved_on_device(how: tuple, data: tuple) -> on_device.SolvedOnDevice:
             "leading axes of x0, f and g, or use backend='cpu'",
             "backend",
         )
-    arrays = dict(zip(common.DATA, data))
-    named = {name: None if name in "fg" and v.shape[-1] == 0 else v for name, v in arrays.items()}
-    return on_device.SolvedOnDevice(_LIBRARY, named, *how)
+    return on_device.SolvedOnDevice(_LIBRARY, common.arrays(data, lambda v: v), *how)
 
 
 @functools.partial(jax.custom_vjp, nondiff_argnums=(0,))
@@ -249,8 +246,7 @@ def solve(
     none = jnp.zeros((how.steps + 1, 0))
     data = (x0, none if f is None else f, none if g is None else g, A, B, N, M)
     for name, v in zip(common.DATA, data):
-        if jnp.iscomplexobj(v):
-            raise Error(f"{name}: is complex; give real numbers", name)
+        common.require_real(name, jnp.iscomplexobj(v))
     arrays = tuple(jnp.asarray(v, jnp.float64) for v in data)
     if common.place(backend, device) == "cuda":
         common.on_a_device(how)

@@ -41,8 +41,7 @@ class _Solve(torch.autograd.Function):
             on_cuda = on_device.SolvedOnDevice(_LIBRARY, named, how.T, how.steps, how.method, how.threads, device)
             outputs = on_cuda.outputs()
             return *(v.to(kind) for v in outputs), torch.zeros(outputs[0].shape[:-2], dtype=torch.int32), on_cuda
-        arrays = {name: None if v is None else _array(v) for name, v in zip(common.DATA, data)}
-        solved = common.Solved(arrays, *how)
+        solved = common.Solved(common.arrays(data, _array), *how)
         outputs = (torch.from_numpy(v).to(given[0].device, kind) for v in solved.outputs())
         return *outputs, torch.from_numpy(solved.status).to(given[0].device), solved
 
@@ -83,16 +82,14 @@ class _Tangent(torch.autograd.Function):
             raise Error("jvp: is not there on a device; use backend='cpu', or backward", "backend")
         kind = functools.reduce(torch.promote_types, (v.dtype for v in data if v is not None))
         where = next(v.device for v in data if v is not None)
-        arrays = {name: None if v is None else _array(v) for name, v in zip(common.DATA, changes)}
-        return tuple(torch.from_numpy(v).to(where, kind) for v in solved.tangent(arrays, mapped))
+        along = solved.tangent(common.arrays(changes, _array), mapped)
+        return tuple(torch.from_numpy(v).to(where, kind) for v in along)
 
     @staticmethod
     def setup_context(ctx: Any, inputs: tuple, output: tuple) -> None:
         pass
 
-    @staticmethod
-    def backward(ctx: Any, *of: Any) -> tuple:
-        raise Error("derivative: of a derivative is not there; take differences of gradients", "derivative")
+    backward = staticmethod(common.no_second_derivative)
 
     @staticmethod
     def vmap(info: Any, in_dims: tuple, solved: Any, mapped: tuple, *given: Any) -> tuple:
@@ -122,9 +119,7 @@ class _Gradient(torch.autograd.Function):
     def setup_context(ctx: Any, inputs: tuple, output: tuple) -> None:
         pass
 
-    @staticmethod
-    def backward(ctx: Any, *of: Any) -> tuple:
-        raise Error("derivative: of a derivative is not there; take differences of gradients", "derivative")
+    backward = staticmethod(common.no_second_derivative)
 
     @staticmethod
     def vmap(info: Any, in_dims: tuple, solved: common.Solved, mapped: tuple, shapes: common.Shapes, *given: Any) -> tuple:
@@ -206,8 +201,7 @@ def solve(
             continue
         if not isinstance(v, torch.Tensor):
             raise Error(f"{name}: is a {type(v).__name__}; give a torch.Tensor", name)
-        if v.is_complex():
-            raise Error(f"{name}: is complex; give real numbers", name)
+        common.require_real(name, v.is_complex())
         v = v if v.layout is torch.strided else v.to_dense()
         data.append(v if v.is_floating_point() else v.double())
     how = common.how(T, steps, method, threads, tol, refine, failed)
