@@ -1,5 +1,6 @@
 #include "app/parts_run.hpp"
 
+#include "app/part_solver.hpp"
 #include "app/ranks.hpp"
 #include "app/text.hpp"
 #include "app/times_of_run.hpp"
@@ -28,7 +29,6 @@ constexpr Index values_together = 1 << 25;  ///< 256 MiB in a part of such a met
 constexpr Index few_states = 64;            ///< recorded at all time points, as those at the end are needed
 constexpr double share_of_interval = 0.25;  ///< of the time between checkpoints that a part is to take
 constexpr double most_growth = 256;         ///< of the steps of a part: the set-up hides how long its steps take
-constexpr double same_point = 1e-6;         ///< of a step: as close to a jump as the end of a part must not be
 /// How well y at the start of a part, found from x alone, must agree with y of the step before.
 constexpr double same_y = 1e-6;
 
@@ -37,92 +37,6 @@ constexpr double much_growth = 1e6;
 
 /// Whether a method treats all time points of a part together. Ranks share them.
 bool together(Method method) { return method == Method::contour || method == Method::multigrid; }
-
-/// Where parts may end: not at a jump of f or g, whose value there would be one of two.
-class Boundaries {
- public:
-  Boundaries(const Scene& scene, Index steps) : scene_(scene), steps_(steps), h_(scene.T / double(steps)) {}
-
-  double time(Index j) const { return double(j) * scene_.T / double(steps_); }
-
-  /// The first time point from `wanted` on that is no jump.
-  Index from(Index wanted) const {
-    Index j = std::min(wanted, steps_);
-    while (j < steps_ && jumps(j)) ++j;
-    return j;
-  }
-
- private:
-  bool jumps(Index j) const {
-    const std::vector<double>& times = scene_.breakpoints;
-    const auto next = std::lower_bound(times.begin(), times.end(), time(j) - same_point * h_);
-    return next != times.end() && *next <= time(j) + same_point * h_;
-  }
-
-  const Scene& scene_;
-  Index steps_;
-  double h_;
-};
-
-/// The solver of parts of one length.
-class PartSolver {
- public:
-  PartSolver(const Scene& scene, Backend& backend, const Options& options)
-      : scene_(scene), backend_(backend), options_(options) {}
-
-  Result solve(const TimesOfRun& times, const Vector& x) {
-    const double t = times.of(0), length = times.length;
-    const Index steps = times.steps;
-    part_ = part_of(scene_, t, length, x);
-    for (const auto source : {&Scene::f, &Scene::g})
-      if (scene_.*source)
-        part_.*source = [given = scene_.*source, times](double s, Eigen::Ref<Vector> v) { given(times.of(s), v); };
-    part_.breakpoints = times.in_part(scene_.breakpoints);
-    part_.exact = {};
-    part_.default_steps = steps;
-    if (!solver_ || steps != steps_) {
-      options_.steps = steps_ = steps;
-      length_ = length;
-      solver_ = std::make_unique<Solver>(part_, backend_, options_);
-    } else {
-      solver_->set_x0(x);
-      if (part_.f || part_.g)
-        solver_->set_sources(part_.f, part_.g, within(part_.breakpoints), part_.breakpoints_are_all);
-    }
-    return solver_->solve();
-  }
-
-  /// The same part, and those after it, with all states.
-  void record_all() {
-    options_.states = StateSelection::all;
-    options_.components.clear();
-    solver_.reset();
-  }
-  Result solve_again() {
-    options_.steps = steps_;
-    solver_ = std::make_unique<Solver>(part_, backend_, options_);
-    return solver_->solve();
-  }
-
-  const Scene& part() const { return part_; }
-  /// States of a part that are recorded.
-  Index recorded() const { return Index(recorded_components(scene_, options_).size()); }
-
- private:
-  /// Parts of equally many steps differ in length by rounding.
-  std::vector<double> within(std::vector<double> times) const {
-    for (double& t : times) t = std::min(t, length_);
-    return times;
-  }
-
-  const Scene& scene_;
-  Backend& backend_;
-  Options options_;
-  Scene part_;
-  std::unique_ptr<Solver> solver_;
-  Index steps_ = 0;
-  double length_ = 0;
-};
 
 /// Rows of a part with a value, without a gap.
 Index valid_steps(const Result& part) {

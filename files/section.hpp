@@ -114,6 +114,8 @@ class Section {
 
 /// "a number", "a list", ...
 std::string kind(const toml::node& node);
+/// ".csv" of "Table.CSV".
+std::string extension_of(const std::string& name);
 /// Of an integer, however large, or a number with a point; NaN of other nodes.
 double value_of(const toml::node& node);
 
