@@ -39,7 +39,8 @@ bool suitable(const Batch& batch, const Scene& scene) {
 
 // As SolutionDerivative takes them.
 bool has_steps(Method method) {
-  return method == Method::march || method == Method::contour || method == Method::multigrid;
+  return method == Method::march || method == Method::contour || method == Method::multigrid ||
+         method == Method::shooting;
 }
 
 RowMatrix rows_of(const TimeFunction& function, const Vector& t, Index width) {

@@ -2,6 +2,7 @@
 
 #include "core/base/error.hpp"
 #include "core/base/text.hpp"
+#include "core/result/located.hpp"
 #include "core/scene/separable.hpp"
 #include "derivatives/lcp_terms.hpp"
 
@@ -27,7 +28,7 @@ const KroneckerDynamics& modes_of(const Scene& scene, const Result& r) {
     refuse_in_modes("contact is on two sides of a Kronecker sum", "use the derivative over all time points");
   if (r.status != Status::solved)
     refuse_in_modes(text("the result is not solved (%s)", to_string(r.status)), "differentiate solved results");
-  if (r.method != Method::march && r.method != Method::contour && r.method != Method::multigrid)
+  if (!has_steps_of_march(r))
     refuse_in_modes(text("the result is of method %s", to_string(r.method)), "solve by march, contour or multigrid");
   if (y_may_jump(r))
     refuse_in_modes("not differentiable here: y may jump, and the derivative of the discrete solution is not that of y",

@@ -3,6 +3,7 @@
 #include "core/base/error.hpp"
 #include "core/base/text.hpp"
 #include "core/kernel/recurrence.hpp"
+#include "core/result/located.hpp"
 #include "core/scene/separable.hpp"
 #include "core/scene/source_steps.hpp"
 #include "derivatives/check_table.hpp"
@@ -35,7 +36,7 @@ DenseDynamics checked(const Scene& scene, const Result& r) {
   const DenseDynamics* d = dense.dynamics->small_state();
   if (!d) refuse("the dynamics have no dense form", "give A, B and N as matrices");
   if (scene.boundary) refuse("the scene has a boundary condition", "differentiate a scene with an initial value");
-  if (r.method != Method::march && r.method != Method::contour && r.method != Method::multigrid)
+  if (!has_steps_of_march(r))
     refuse(text("the result is of method %s", to_string(r.method)), "solve by march, contour or multigrid");
   if (y_may_jump(r))
     refuse("not differentiable here: y may jump, and the derivative of the discrete solution is not that of y",

@@ -5,6 +5,7 @@
 #include "core/kernel/operators.hpp"
 #include "core/kernel/transposed_operator.hpp"
 #include "core/kernel/transposed_start.hpp"
+#include "core/result/located.hpp"
 #include "derivatives/check_table.hpp"
 #include "derivatives/lcp_terms.hpp"
 #include "derivatives/make_state_maps.hpp"
@@ -32,7 +33,7 @@ const Scene& checked_for_all_times(const Scene& scene, const Result& r) {
   if (!scene.free_rows.empty()) refuse_here("the scene has free rows", "use the derivative of dense dynamics");
   if (scene.dynamics->small_state() && scene.dynamics->has_mass())
     refuse_here("the dynamics are dense with a mass matrix", "use the derivative of dense dynamics");
-  if (r.method != Method::march && r.method != Method::contour && r.method != Method::multigrid)
+  if (!has_steps_of_march(r))
     refuse_here(text("the result is of method %s", to_string(r.method)), "solve by march, contour or multigrid");
   if (y_may_jump(r))
     refuse_here("not differentiable here: y may jump, and the derivative of the discrete solution is not that of y",

@@ -5,6 +5,7 @@
 #include "app/text.hpp"
 #include "bench/studies/tol_truth.hpp"
 #include "core/base/error.hpp"
+#include "core/result/located.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -200,7 +201,7 @@ std::vector<Row> study(const Subject& subject, const BenchRequest& request, Back
     const Result& r = run->result;
     if (!r.errors || r.y.rows() != r.steps + 1 || !r.y.allFinite()) continue;
     // No grid is as accurate as located switches.
-    if (locates_switches(r.method) && !subject.choice.scene.exact) continue;
+    if (locates_switches(r) && !subject.choice.scene.exact) continue;
     const std::vector<Index>& grids = r.errors->grids;
     const Index finest = r.steps * ((std::max(grids.back(), r.steps) + r.steps - 1) / r.steps);  // of trees: steps
     const double seconds =

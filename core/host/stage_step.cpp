@@ -71,6 +71,7 @@ class DenseStageStep final : public StageStep {
   }
   void drive(const Vector& y, Vector& x_free) const override { x_free.noalias() += maps_.drive * y; }
   const Matrix& implicit_part() const override { return maps_.implicit; }
+  const DenseStageMaps* maps() const override { return &maps_; }
   std::size_t bytes() const override {
     return sizeof(double) * std::size_t(maps_.decay.size() + maps_.see.size() + maps_.drive.size() +
                                         maps_.implicit.size() + maps_.q.size() + maps_.forcing.size());

@@ -18,6 +18,13 @@
 
 namespace bromwich::host {
 
+/// The step of dense dynamics as matrices: q = see x + (row of) q, x_free = decay x + forcing, and y by drive and
+/// implicit.
+struct DenseStageMaps {
+  Matrix decay, see, drive, implicit;  ///< m x m, s n x m, m x s n, s n x s n
+  RowMatrix q, forcing;                ///< rows x s n and x m; forcing is empty without f
+};
+
 class StageStep {
  public:
   virtual ~StageStep() = default;
@@ -28,6 +35,8 @@ class StageStep {
   virtual void drive(const Vector& y, Vector& x_free) const = 0;
   /// s n x s n: derivative of N X_i with respect to y_k.
   virtual const Matrix& implicit_part() const = 0;
+  /// Of dense dynamics; null otherwise.
+  virtual const DenseStageMaps* maps() const { return nullptr; }
   virtual std::size_t bytes() const = 0;
 };
 
@@ -43,12 +52,6 @@ std::unique_ptr<StageStep> make_modal_stage_step(const StageProblem&, Index stag
 std::unique_ptr<StageStep> make_pole_stage_step(const StageProblem&, Index stages, double h,
                                                 const std::vector<Index>& rows);
 
-/// The step of dense dynamics as matrices: q = see x + (row of) q, x_free = decay x + forcing, and y by drive and
-/// implicit.
-struct DenseStageMaps {
-  Matrix decay, see, drive, implicit;  ///< m x m, s n x m, m x s n, s n x s n
-  RowMatrix q, forcing;                ///< rows x s n and x m; forcing is empty without f
-};
 DenseStageMaps dense_stage_maps(const StageProblem&, const DenseDynamics&, Index stages, double h,
                                 const std::vector<Index>& rows);
 

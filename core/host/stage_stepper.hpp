@@ -23,6 +23,7 @@ class Stepper {
       : step_(make_stage_step(p, stages, h, rows)),
         M_(to_dense(*p.M)),
         stages_(stages),
+        length_(h),
         scale_(weights()),
         // The two-stage problem does not inherit the class of M: least elements need not exist there.
         lcp_(scale_.asDiagonal() * (blocks() + step_->implicit_part()), M_,
@@ -48,6 +49,10 @@ class Stepper {
   }
 
   Index stages() const { return stages_; }
+  double length() const { return length_; }
+  const StageStep& step() const { return *step_; }
+  /// s n x s n: of the problem of Y, without its weights.
+  Matrix matrix() const { return blocks() + step_->implicit_part(); }
   auto first_stage() const { return Y.head(M_.rows()); }
   auto last_stage() const { return Y.tail(M_.rows()); }
   // Mean of y over the step, by the quadrature weights.
@@ -104,6 +109,7 @@ class Stepper {
   std::unique_ptr<StageStep> step_;
   Matrix M_;
   Index stages_;
+  double length_;
   Vector scale_;
   StepLcp lcp_;
   Vector q_, free_;  ///< free_: N x + g at the end of the step without y

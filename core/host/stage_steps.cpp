@@ -27,7 +27,7 @@ Vector seen_in_modes(const ModalStages& modal, const Vector& x) {
 StageSteps::StageSteps(const StageProblem& p)
     : problem_(p), lengths_(p, p.g.rows()), main_(p, p.stages, p.h, lengths_.rows(0)) {
   touching.assign(std::size_t(p.g.cols() / p.stages), false);
-  regular = Vector::Zero(p.g.cols() / p.stages);
+  resume(touching, Vector::Zero(p.g.cols() / p.stages));
   if (p.modal) {
     V_ = p.modal->face.matrix();
     rigid_.assign(touching.size(), p.modal->direct == 0 && diagonal(*p.M).isZero(0));
@@ -49,6 +49,13 @@ std::vector<bool> StageSteps::rigid_constraints(const SparseMatrix& N) const {
   return rigid;
 }
 
+void StageSteps::resume(const std::vector<bool>& touching_before, const Vector& before) {
+  touching = touching_before;
+  regular = before;
+  own_regular_ = Vector::Zero(before.size());
+  same_before_ = {Vector::Zero(before.size()), Vector::Constant(before.size(), INFINITY)};
+}
+
 void StageSteps::start(const Vector& x0, const Vector& y0, const Vector& seen) {
   regular = y0.allFinite() ? y0 : Vector(Vector::Zero(y0.size()));
   const Vector g = problem_.g.row(0).head(seen.size()).transpose();
@@ -59,7 +66,19 @@ void StageSteps::start(const Vector& x0, const Vector& y0, const Vector& seen) {
 void StageSteps::pass(const Stepper& used) {
   const auto y = used.last_stage();
   for (std::size_t i = 0; i < touching.size(); ++i) touching[i] = y[Index(i)] > 0;
-  if (used.stages() == problem_.stages) regular = regular.cwiseMax(y);
+  if (used.stages() != problem_.stages) return;
+  regular = regular.cwiseMax(y);
+  own_regular_ = own_regular_.cwiseMax(y);
+}
+
+// Whether y_i is much more than in steps without jumps.
+bool StageSteps::exceeds_regular(Index i, double y) const {
+  const bool exceeds = y > much_more * regular[i];
+  if (exceeds)
+    same_before_.below[i] = std::min(same_before_.below[i], y / much_more);
+  else if (y > much_more * own_regular_[i])
+    same_before_.least[i] = std::max(same_before_.least[i], y / much_more);
+  return exceeds;
 }
 
 // Whether a rigid constraint has a new contact. If it is active at both stages, Radau IIA sends the state back with a
@@ -81,12 +100,12 @@ bool StageSteps::jumps(const Stepper& step, double h, const Vector& before, cons
   // In a part of a step, y halves only after an impulse. Other constraints may then hold the state, so y need not be
   // 0.
   for (Index i = 0; i < first.size() && h < problem_.h / 2 && step.stages() == 2; ++i)
-    if (first[i] > std::max(zero, much_more * regular[i]) && last[i] < first[i] / 2) return true;
+    if (first[i] > zero && last[i] < first[i] / 2 && exceeds_regular(i, first[i])) return true;
   if (!step.switches()) return false;
   Vector released = Vector::Zero(first.size());
   for (Index i = 0; i < first.size(); ++i) {
     if (!(first[i] > zero) || last[i] > zero) continue;
-    if (first[i] > much_more * regular[i]) return true;
+    if (exceeds_regular(i, first[i])) return true;
     released[i] = first[i];
   }
   return !released.isZero(0) && moves(released, step, h, before, after);

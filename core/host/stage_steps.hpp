@@ -36,7 +36,21 @@ class StageSteps {
   std::vector<bool> touching;  ///< y_i > 0 at the end of the last step, or w_i(0) = 0
   Vector regular;              ///< largest y_i at the ends of steps without jumps
 
+  /// Steps that are not the first: from here on with this `touching`, and with the largest y_i `before` them.
+  void resume(const std::vector<bool>& touching, const Vector& before);
+  /// The values of `before` with which all steps since then would have been the same.
+  struct Range {
+    Vector least, below;
+    bool has(const Vector& before) const {
+      return (before.array() >= least.array()).all() && (before.array() < below.array()).all();
+    }
+  };
+  const Range& same_before() const { return same_before_; }
+  /// The largest y_i at the ends of steps without jumps since then.
+  const Vector& own_regular() const { return own_regular_; }
+
  private:
+  bool exceeds_regular(Index i, double y) const;
   bool impacts(const Stepper&) const;
   bool jumps(const Stepper&, double h, const Vector& before, const Vector& after) const;
   bool moves(const Vector& y, const Stepper&, double h, const Vector& before, const Vector& after) const;
@@ -52,6 +66,8 @@ class StageSteps {
   SparseMatrix B_, NB_;  ///< E^{-1} B; N E^{-1} B of a model of poles
   Matrix V_;             ///< modes of the face of a Kronecker sum
   std::vector<bool> rigid_;
+  Vector own_regular_;
+  mutable Range same_before_;
   bool impact_ = false;
 };
 

@@ -148,6 +148,15 @@ void count(const MarchReport& report, Result& result) {
   result.seconds.lcp += report.lcp_seconds;
 }
 
+void tell(const ScanReport& scan, Result& result) {
+  result.iterations = scan.passes;
+  result.history = scan.history;
+  result.kernel +=
+      text("; %td chunks of time by Newton's method on their states, %td passes", scan.chunks, scan.passes);
+  if (scan.in_turn > 0)
+    result.kernel += text(", which did not lead on: %td chunks marched one after another", scan.in_turn);
+}
+
 double march_residual(const DiscreteProblem& p, Start start, const Array& r, const Array& v, const Array& y) {
   const auto lcp = p.backend.lcp(p.scene.M, p.lcp_class, p.J + 1);
   if (start == Start::found) return lcp->residual(r, v, y);

@@ -3,6 +3,7 @@
 
 #include "../kernel/discrete_problem.hpp"
 #include "../result/result.hpp"
+#include "../scan/chunk_scan.hpp"
 
 namespace bromwich {
 
@@ -38,6 +39,9 @@ void explain_stop(const DiscreteProblem&, const MarchReport&, Result&);
 
 /// Adds the counters of a march to the result.
 void count(const MarchReport&, Result&);
+
+/// What a march by chunks took: Result::iterations, history, and words behind Result::kernel.
+void tell(const ScanReport&, Result&);
 
 /// Natural-map residual of y with q = r + v. Without y_0 (an impulse), row 0 is skipped.
 double march_residual(const DiscreteProblem&, Start, const Array& r, const Array& v, const Array& y);

@@ -1,202 +1,144 @@
 #include "core/march/split.hpp"
 
+#include "core/base/denormals.hpp"
+#include "core/base/text.hpp"
 #include "core/base/timer.hpp"
-#include "core/host/step_lcp.hpp"
 #include "core/kernel/weight_check.hpp"
-#include "core/lcp/active_set.hpp"
 #include "core/march/outcome.hpp"
-#include "core/numerics/step_propagator.hpp"
-#include "core/scene/source_steps.hpp"
+#include "core/march/split_steps.hpp"
+#include "core/scan/coarse_start.hpp"
 
 #include <cmath>
-#include <map>
-#include <optional>
+#include <memory>
 
 namespace bromwich {
 
 namespace {
 
-constexpr std::size_t most_kept_parts = 256;  ///< lengths with stored operators
-constexpr double same_limit = 1e-9;           ///< relative to the largest: limits of g that count as equal
-
-// Operators for the effect of y at the end of a part.
-struct Part {
-  Matrix driven;  ///< m x n: contribution to x of y rising linearly from 0
-  std::optional<ActiveSetLcp> lcp;
+struct SplitRows {
+  RowMatrix y, impulse, x;  ///< (J+1) x n, n and m: impulse is that of each step
+  RowMatrix defects;        ///< one row in R^m for each rough step
 };
 
-class SplitMarch {
+// A march over the rows behind the first one, up to the last one.
+class SplitChunk {
  public:
-  SplitMarch(const DiscreteProblem& p, const Options& options)
-      : p_(p),
-        asked_to_stop_(options.interrupted,
-                       [&options, J = p.J](Index j) {
-                         if (options.progress) options.progress({j, 0, J});
-                       }),
-        d_(*p.small_state()),
-        n_(p.scene.constraints()),
-        step_(state_step(p, Rule::exponential)),
-        M_(to_dense(p.scene.M)),
-        least_of_(selects_least(p.lcp_class) ? &M_ : nullptr),
-        driven_(step_->right * d_.B),
-        driven_left_(step_->left * d_.B),
-        propagator_(d_.A, p.h),
-        g_(p.scene.g, n_, p.sources->resolution),
-        whole_(M_ + d_.N * driven_),
-        whole_class_(classify(LcpMatrix(whole_))),
-        lcp_(whole_, whole_class_, least_of_),
-        alone_(M_, p.lcp_class, least_of_) {
-    if (p.f.size() == 0) return;
-    F_ = source_matrix(p);
-    if (p.f.shapes().size() > 0) F_ = (F_ * p.f.shapes()).eval();
-  }
+  SplitChunk(const SplitRule& rule, Index first, Index last) : rule_(rule), first_(first), last_(last), steps_(rule) {}
 
-  // Starts from y_0. Fills the rows of y, of its integral from 0, and of x.
-  MarchReport run(RowMatrix& y, RowMatrix& integral, RowMatrix& x, StepDefects& defects) {
-    const RowMatrix forcing = smooth_forcing();
-    g_scale_ = std::max(p_.g.values().size() > 0 ? p_.g.values().cwiseAbs().maxCoeff() : 0, 1e-290);
-    MarchReport report;
-    report.well_posed = selects_least(p_.lcp_class) || has_convex_solutions(whole_class_);
-    x.row(0) = p_.scene.x0.transpose();
-    x_ = p_.scene.x0;
-    y_ = y.row(0).transpose();
-    integral.row(0).setZero();
-    lcp_.start_from(y_);
-    std::size_t next_rough = 0;
-    const std::vector<RoughStep>& rough = p_.sources->rough;
-    for (Index j = 1; j <= p_.J; ++j) {
-      if (asked_to_stop_(j, report)) return report;
-      smooth_ = step_->decay * x_ + driven_left_ * y_;
-      if (forcing.size() > 0) smooth_ += forcing.row(j).transpose();
-      const bool is_rough = next_rough < rough.size() && rough[next_rough].step == j;
-      if (!(is_rough ? take_parts(rough[next_rough], report) : take_whole(j, report))) return report;
-      if (is_rough) {
-        defects.steps.push_back(j);
-        defects.values.conservativeResize(Index(++next_rough), x_.size());
-        defects.values.row(Index(next_rough) - 1) = (x_ - smooth_ - driven_ * y_).transpose();
-      }
-      x.row(j) = x_.transpose();
-      y.row(j) = y_.transpose();
-      integral.row(j) = integral.row(j - 1) + impulse_.transpose();
+  // Null progress for chunks beside others.
+  bool march(const Vector& x, const Vector& y, bool with_derivative, const host::Poll& asked_to_stop, SplitRows& rows) {
+    const FlushDenormals flush;
+    report = {};
+    report.well_posed = rule_.well_posed();
+    largest_x = Vector::Zero(x.size());
+    largest_y = Vector::Zero(y.size());
+    steps_.start(first_, x, y, with_derivative);
+    for (Index j = first_ + 1; j <= last_; ++j) {
+      if (asked_to_stop(j, report) || !steps_.take(j, report)) return false;
+      largest_x = largest_x.cwiseMax(steps_.x().cwiseAbs());
+      largest_y = largest_y.cwiseMax(steps_.y());
+      rows.x.row(j) = steps_.x().transpose();
+      rows.y.row(j) = steps_.y().transpose();
+      rows.impulse.row(j) = steps_.impulse().transpose();
+      if (steps_.in_parts()) rows.defects.row(place_of(j)) = steps_.defect().transpose();
     }
-    return report;
-  }
-
- private:
-  // Contribution of f to x_j on steps where it is linear.
-  RowMatrix smooth_forcing() const {
-    if (p_.f.size() == 0) return {};
-    const Matrix F = source_matrix(p_);
-    RowMatrix sum = p_.f.table() * (step_->right * F).transpose();
-    sum.bottomRows(p_.J) += p_.f.table().topRows(p_.J) * (step_->left * F).transpose();
-    return sum;
-  }
-
-  bool take_whole(Index j, MarchReport& report) {
-    q_ = p_.g.row(j) + d_.N * smooth_;
-    impulse_ = p_.h / 2 * y_;
-    if (!solve(lcp_, q_, y_, j, report)) return false;
-    impulse_ += p_.h / 2 * y_;
-    x_ = smooth_ + driven_ * y_;
     return true;
   }
 
-  bool take_parts(const RoughStep& rough, MarchReport& report) {
-    const Index j = rough.step;
-    double from = p_.t[j - 1];
-    std::size_t piece = 0;
-    Vector g_before = p_.g.row(j - 1);
-    impulse_ = Vector::Zero(n_);
-    for (const double to : rough.ends) {
-      const double d = to - from;
-      if (p_.scene.g && !restart(g_before, g_.whole(g_.after(from, d)), j, report)) return false;
-      g_before = p_.scene.g ? g_.whole(g_.before(to, d)) : Vector(Vector::Zero(n_));
-      drift(rough, piece, from, to);
-      impulse_ += d / 2 * y_;
-      Part& part = part_of(d);
-      q_ = g_before + d_.N * x_;
-      if (!solve(*part.lcp, q_, y_, j, report)) return false;
-      x_ += part.driven * y_;
-      impulse_ += d / 2 * y_;
-      from = to;
-    }
-    lcp_.start_from(y_);
-    return restart(g_before, p_.g.row(j), j, report);
-  }
+  SplitSteps& steps() { return steps_; }
+  MarchReport report;
+  Vector largest_x, largest_y;
 
-  // y after a jump of g.
-  bool restart(const Vector& before, const Vector& after, Index j, MarchReport& report) {
-    if ((before - after).cwiseAbs().maxCoeff() <= same_limit * g_scale_) return true;
-    q_ = after + d_.N * x_;
-    return solve(alone_, q_, y_, j, report);
-  }
+ private:
+  Index place_of(Index j) const { return rule_.p.sources->at(j) - rule_.p.sources->rough.data(); }
 
-  // x over a part, with y falling linearly to zero and with f.
-  void drift(const RoughStep& rough, std::size_t& piece, double from, double to) {
-    const Vector By = d_.B * y_;
-    const double d = to - from;
-    Matrix state = x_;
-    const auto advance = [&](double start, double length, const Matrix* phi) {
-      const double first = 1 - (start - from) / d;
-      QuadraticInput u{first * By, -length / d * By, Matrix::Zero(By.size(), 1)};
-      if (phi) {
-        const Matrix f = F_ * *phi;
-        u.c0 += f.col(0);
-        u.c1 += f.col(1);
-        u.c2 = f.col(2);
-      }
-      propagator_.advance(length, u, state);
-    };
-    if (rough.pieces.empty()) advance(from, d, nullptr);
-    for (; piece < rough.pieces.size() && rough.pieces[piece].start < to; ++piece)
-      advance(rough.pieces[piece].start, rough.pieces[piece].length, &rough.pieces[piece].phi);
-    x_ = state;
-  }
-
-  // Lengths that agree to 2^-40 of a step count as equal, and those of many steps to the rounding of their ends.
-  Part& part_of(double d) {
-    const auto key = std::llround(d / std::max(std::ldexp(p_.h, -40), p_.sources->resolution / 16));
-    if (const auto found = parts_.find(key); found != parts_.end()) return found->second;
-    if (parts_.size() >= most_kept_parts) parts_.clear();
-    Part& part = parts_[key];
-    part.driven = Matrix::Zero(d_.B.rows(), n_);
-    const Matrix none = part.driven;
-    propagator_.advance(d, {none, d_.B, none}, part.driven);
-    // The matrix lies between M and M + W_0 of a whole step: class P if both are. A solution is accepted by its
-    // residual.
-    const bool is_P = has_one_solution(p_.lcp_class) && has_one_solution(whole_class_);
-    const LcpClass c = is_P ? LcpClass::P : selects_least(p_.lcp_class) ? whole_class_ : LcpClass::unknown;
-    part.lcp.emplace(M_ + d_.N * part.driven, c, least_of_);
-    part.lcp->start_from(y_);
-    return part;
-  }
-
-  bool solve(ActiveSetLcp& lcp, const Vector& q, Vector& y, Index j, MarchReport& report) {
-    Timer timer;
-    const LcpOutcome outcome = lcp.solve(q, y);
-    report.lcp_seconds += timer.lap();
-    return host::count_step(outcome, q, has_one_solution(p_.lcp_class), j, report);
-  }
-
-  const DiscreteProblem& p_;
-  host::Poll asked_to_stop_;
-  const DenseDynamics& d_;
-  Index n_;
-  std::shared_ptr<const StepOperators> step_;
-  Matrix M_;
-  const Matrix* least_of_;
-  Matrix driven_, driven_left_;
-  StepPropagator propagator_;
-  OneSided g_;
-  Matrix whole_;  ///< M + W_0
-  LcpClass whole_class_;
-  ActiveSetLcp lcp_, alone_;
-  Matrix F_;
-  double g_scale_ = 1;
-  std::map<long long, Part> parts_;
-  Vector x_, y_, smooth_, q_;
-  Vector impulse_;  ///< integral of y over the step
+  const SplitRule& rule_;
+  Index first_, last_;
+  SplitSteps steps_;
 };
+
+// Their state is (x, y).
+class SplitChunks final : public Chunks {
+ public:
+  SplitChunks(const SplitRule& rule, const std::vector<Index>& rows, const SharedStop& stop, SplitRows& all)
+      : m_(rule.d.A.rows()), asked_to_stop_([&stop] { return stop(); }, {}), all_(all) {
+    for (std::size_t c = 0; c + 1 < rows.size(); ++c)
+      chunks_.push_back(std::make_unique<SplitChunk>(rule, rows[c], rows[c + 1]));
+  }
+
+  Index count() const override { return Index(chunks_.size()); }
+
+  ChunkEnd march(Index c, const Vector& start, bool with_derivative) override {
+    SplitChunk& chunk = *chunks_[std::size_t(c)];
+    const Index n = start.size() - m_;
+    if (!chunk.march(start.head(m_), start.tail(n), with_derivative, asked_to_stop_, all_)) return {};
+    SplitSteps& steps = chunk.steps();
+    ChunkEnd end{Vector(start.size()), Vector(start.size()), {}, 0, true};
+    end.s << steps.x(), steps.y();
+    end.size << chunk.largest_x, chunk.largest_y;
+    if (!with_derivative) return end;
+    end.D = steps.derivative();
+    end.sets = steps.sets();
+    return end;
+  }
+
+  MarchReport report(const ScanReport& scan, int threads) const {
+    MarchReport sum = chunks_.front()->report;
+    const Index known = scan.stopped >= 0 ? scan.stopped + 1 : count();
+    for (Index c = 1; c < known; ++c) {
+      const MarchReport& part = chunks_[std::size_t(c)]->report;
+      sum.count += part.count;
+      sum.finite = sum.finite && part.finite;
+      sum.lcp_seconds += part.lcp_seconds;
+      sum.stopped = part.stopped;
+      sum.infeasible = part.infeasible;
+    }
+    sum.lcp_seconds /= threads;
+    if (!scan.interrupted) return sum;
+    sum.interrupted = true;
+    sum.stopped = 1;
+    return sum;
+  }
+
+ private:
+  Index m_;
+  host::Poll asked_to_stop_;
+  std::vector<std::unique_ptr<SplitChunk>> chunks_;
+  SplitRows& all_;
+};
+
+MarchReport march_in_chunks(const SplitRule& rule, const ScanPlan& plan, SplitRows& all, ScanReport& scan) {
+  const DiscreteProblem& p = rule.p;
+  // Where a step has several solutions, the one taken follows from all active sets before.
+  const std::vector<Index> rows = first_rows(rule.well_posed() ? chunks_of(plan, p.J) : 1, p.J);
+  const SharedStop stop(plan.interrupted);
+  SplitChunks chunks(rule, rows, stop, all);
+  const auto input = [&] {
+    CoarseInput in{&p.scene.dynamics, &p.scene.M, p.lcp_class, {}, p.scene.x0, p.t, rule.g, {}};
+    if (p.f.size() == 0) return in;
+    in.F = source_matrix(p).sparseView();
+    in.phi = p.f.table();
+    return in;
+  };
+  CoarseStates first = coarse_states(plan, rows, input, p.scene.x0, rule.n);
+  first.y[0] = all.y.row(0).transpose();
+  std::vector<Vector> starts;
+  for (std::size_t c = 0; c < first.x.size(); ++c) {
+    starts.emplace_back(first.x[c].size() + first.y[c].size());
+    starts.back() << first.x[c], first.y[c];
+  }
+  scan = solve_chunks(chunks, std::move(starts), (p.J + chunks.count() - 1) / chunks.count(), *plan.threads, stop);
+  return chunks.report(scan, plan.threads->threads());
+}
+
+MarchReport march_in_turn(const SplitRule& rule, const Options& options, SplitRows& all) {
+  const auto progress = [&options, J = rule.p.J](Index j) {
+    if (options.progress) options.progress({j, 0, J});
+  };
+  SplitChunk chunk(rule, 0, rule.p.J);
+  chunk.march(rule.p.scene.x0, all.y.row(0).transpose(), false, host::Poll(options.interrupted, progress), all);
+  return chunk.report;
+}
 
 // r = g and v = N x as backend arrays: residual and trace are computed as for every march.
 void look_at(const DiscreteProblem& p, const Options& options, const RowMatrix& x, Result& result) {
@@ -213,18 +155,44 @@ void look_at(const DiscreteProblem& p, const Options& options, const RowMatrix& 
   if (result.y.allFinite()) result.residual = march_residual(p, Start::found, *r, *v, *y);
 }
 
-}  // namespace
-
-void solve_by_split_marching(const DiscreteProblem& p, const Options& options, Result& result) {
-  Timer timer;
-  const double m = double(p.scene.states()), n = double(p.scene.constraints());
-  const WeightCheck check = check_weights(p, dense_recurrence(*p.small_state(), *state_step(p, Rule::exponential)),
-                                          double(p.J) * (m * m + 2 * m * n));
+void describe(const DiscreteProblem& p, const WeightCheck& check, Result& result) {
   result.kernel_error = check.error;
   result.kernel = "state of the scene, stepped by the matrix exponential" +
-                  (check.against.empty() ? "" : ", checked against " + check.against) + "; " +
-                  std::to_string(p.sources->rough.size()) + " steps in parts, where sources are not smooth";
-  SplitMarch march(p, options);
+                  (check.against.empty() ? "" : ", checked against " + check.against);
+  if (!p.sources) return;
+  result.kernel += text("; %zu steps in parts, where sources are not smooth", p.sources->rough.size());
+}
+
+// The integral of y and what parts contribute to x, as the usual march leaves them out.
+void keep_parts(const DiscreteProblem& p, SplitRows& rows, Result& result) {
+  if (!p.sources) return;
+  for (Index j = 1; j <= p.J; ++j) rows.impulse.row(j) += rows.impulse.row(j - 1);
+  result.y_integral = std::move(rows.impulse);
+  const auto defects = std::make_shared<StepDefects>();
+  for (const RoughStep& rough : p.sources->rough) defects->steps.push_back(rough.step);
+  defects->values = std::move(rows.defects);
+  result.defects = defects;
+}
+
+SplitRows rows_for(const DiscreteProblem& p, const RowMatrix& y) {
+  const Index rows = p.J + 1, m = p.scene.states(), n = p.scene.constraints();
+  SplitRows all{y, RowMatrix::Constant(rows, n, NAN), RowMatrix::Constant(rows, m, NAN), {}};
+  all.impulse.row(0).setZero();
+  all.x.row(0) = p.scene.x0.transpose();
+  if (p.sources) all.defects = RowMatrix::Constant(Index(p.sources->rough.size()), m, NAN);
+  return all;
+}
+
+}  // namespace
+
+void solve_by_split_marching(const DiscreteProblem& p, const Options& options, Result& result, const ScanPlan* plan) {
+  Timer timer;
+  const double m = double(p.scene.states()), n = double(p.scene.constraints());
+  describe(p,
+           check_weights(p, dense_recurrence(*p.small_state(), *state_step(p, Rule::exponential)),
+                         double(p.J) * (m * m + 2 * m * n)),
+           result);
+  const SplitRule rule(p);
   result.seconds.setup += timer.lap();
   const Start start = solve_at_zero(p, result);
   if (start == Start::none) return;
@@ -234,16 +202,20 @@ void solve_by_split_marching(const DiscreteProblem& p, const Options& options, R
     return;
   }
   result.seconds.lcp += timer.lap();
-  RowMatrix x = RowMatrix::Constant(p.J + 1, p.scene.states(), NAN);
-  result.y_integral = RowMatrix::Constant(p.J + 1, p.scene.constraints(), NAN);
-  const auto defects = std::make_shared<StepDefects>();
-  const MarchReport report = march.run(result.y, result.y_integral, x, *defects);
-  result.defects = defects;
-  result.x = x(Eigen::all, p.components);
-  result.bytes = sizeof(double) * std::size_t(2 * result.y.size() + x.size()) + host_bytes(p);
+  SplitRows rows = rows_for(p, result.y);
+  ScanReport scan;
+  const MarchReport report = plan ? march_in_chunks(rule, *plan, rows, scan) : march_in_turn(rule, options, rows);
+  if (report.stopped >= 0)
+    for (RowMatrix* values : {&rows.y, &rows.impulse, &rows.x})
+      values->bottomRows(p.J + 1 - report.stopped).setConstant(NAN);
+  result.y = std::move(rows.y);
+  keep_parts(p, rows, result);
+  result.x = rows.x(Eigen::all, p.components);
+  result.bytes = sizeof(double) * std::size_t(2 * result.y.size() + rows.x.size()) + host_bytes(p);
   count(report, result);
+  if (plan) tell(scan, result);
   result.well_posed = report.well_posed;
-  look_at(p, options, x, result);
+  look_at(p, options, rows.x, result);
   if (report.stopped >= 0) return explain_stop(p, report, result);
   result.status = Status::solved;
 }

@@ -10,6 +10,7 @@
 #include "core/lcp/active_set.hpp"
 #include "core/march/outcome.hpp"
 #include "core/march/stage_grid.hpp"
+#include "core/scan/stage_chunks.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -245,7 +246,7 @@ StageProblem smooth_stage_problem(const DiscreteProblem& p) {
 }
 
 void solve_by_stages(const DiscreteProblem& p, Index stages, const InnerOptions& options, Result& result,
-                     std::shared_ptr<const PoleModel> poles) {
+                     std::shared_ptr<const PoleModel> poles, const ScanPlan* plan) {
   Timer timer;
   const Start start = solve_at_zero(p, result);
   if (start == Start::none) return;
@@ -258,7 +259,11 @@ void solve_by_stages(const DiscreteProblem& p, Index stages, const InnerOptions&
   if (grid.lengths.empty()) given.problem.poles = std::move(poles);
   result.seconds.setup += timer.lap();
   const Vector y0 = result.y.row(0).transpose();
-  StageSolution s = march_by_stages(given.problem, y0);
+  ScanReport scan;
+  const auto march = [&] {
+    return plan ? march_in_chunks(given.problem, y0, *plan, scan) : march_by_stages(given.problem, y0);
+  };
+  StageSolution s = march();
   // A more accurate contact moves the contacts after it.
   Contacts divided;
   for (int pass = 0; pass < most_passes && options.compares_grids; ++pass) {
@@ -269,7 +274,7 @@ void solve_by_stages(const DiscreteProblem& p, Index stages, const InnerOptions&
     divided = std::move(contacts);
     grid = make_grid(p, stages, LayersOf::all_jumps, divided);
     state_problem(p, grid, stages, options, given);
-    s = march_by_stages(given.problem, y0);
+    s = march();
   }
   result.bytes =
       s.bytes + host_bytes(p) +
@@ -289,6 +294,7 @@ void solve_by_stages(const DiscreteProblem& p, Index stages, const InnerOptions&
   result.starts_with_impulse = start == Start::impulse;
   if (result.starts_with_impulse) result.kernel += impulse_note;
   count(s.report, result);
+  if (plan) tell(scan, result);
   // The first part is the impulse: y and N x of row 0 are those behind the second.
   const Index behind = std::min<Index>(grid.lengths.empty() ? 1 : 2, result.y.rows() - 1);
   const Vector y_behind = result.y.row(behind).transpose(), seen_behind = s.v.row(behind).transpose();

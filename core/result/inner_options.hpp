@@ -24,6 +24,10 @@ struct InnerOptions : Options {
   bool compares_grids = false;
   /// Sources are sampled inside every step, not inside some of them.
   bool look_inside_every_step = false;
+  /// Method shooting: chunks of time, 0: by the threads, as many as the steps allow; and whether their first states are
+  /// those of a march of few steps, or all x0. For studies.
+  Index chunks = 0;
+  bool coarse_start = true;
   /// Method automatic may end with implicit Euler, of first order, where no method of second order takes a step.
   bool fall_back_to_euler = true;
 };

@@ -1,4 +1,5 @@
 #include "core/result/switching.hpp"
+#include "core/result/located.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -97,7 +98,7 @@ std::vector<RelaySwitch> relay_switches(const Result& result, const std::vector<
       double last = own[k].t, sum = 0, error = 0;
       const std::size_t first = k;
       for (; k < own.size(); ++k) {
-        const bool located = locates_switches(result.method);
+        const bool located = locates_switches(result);
         const double step = result.steps > 0 && !located ? result.t[result.t.size() - 1] / double(result.steps) : 0;
         if (k > first && own[k].t - last > std::max(step, own[k].error)) break;
         (own[k].component < relays ? s : y) = own[k].on;

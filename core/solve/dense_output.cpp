@@ -7,6 +7,7 @@
 #include "core/kernel/discretise.hpp"
 #include "core/kernel/states.hpp"
 #include "core/kernel/step_defects.hpp"
+#include "core/result/located.hpp"
 #include "core/scene/breakpoints.hpp"
 #include "core/scene/mass_matrix.hpp"
 #include "core/scene/port_hamiltonian.hpp"
@@ -168,6 +169,7 @@ Result with_all_states(const Scene& scene, Backend& backend, const Result& resul
 
 // The method that takes a step alone as `result` has taken it with all others.
 Method stepping(const Result& result) {
+  if (result.method == Method::shooting) return Method::march;
   if (result.form != "dual") return result.method;
   return by_euler(result) ? Method::euler : Method::march;
 }
@@ -366,7 +368,7 @@ std::optional<Result> of_simpler_scene(const Scene& scene, Backend& backend, con
 
 Result at_times(const Scene& scene, Backend& backend, const Result& result, const std::vector<double>& times) {
   if (result.goal) throw Error("result", "is of method goal", "its time points are the answer");
-  if (result.method == Method::shooting) return of_start(scene, backend, result, times);
+  if (result.method == Method::shooting && locates_switches(result)) return of_start(scene, backend, result, times);
   // solve() takes care of the form of the scene where its steps are solved again.
   const bool reduces = result.method == Method::events || !by_steps(scene, result) || has_own_steps(result);
   if (auto sampled = reduces ? of_simpler_scene(scene, backend, result, times) : std::nullopt) return *sampled;

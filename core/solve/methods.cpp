@@ -138,6 +138,9 @@ void Methods::run(Method method, const InnerOptions& options, Result& result) {
       else
         step_in_stages(1, options, result);
       break;
+    case Method::shooting:
+      shoot(options, result);
+      break;
     default:
       march(options, result);
       break;
@@ -161,6 +164,22 @@ void Methods::march(const InnerOptions& options, Result& result) {
   } else {
     step_in_stages(2, options, result);
     result.kernel += "; " + why;
+  }
+}
+
+// The steps of march by chunks of time.
+void Methods::shoot(const InnerOptions& options, Result& result) {
+  if (!problem_.small_state()) return refuse("method shooting: the dynamics are not dense", result);
+  ScanPlan plan;
+  plan.threads = &problem_.backend;
+  plan.chunks = options.chunks;
+  plan.coarse_start = options.coarse_start;
+  plan.interrupted = options.interrupted;
+  if (basis().rings || basis().only_in_sweeps || !basis().continuous) {
+    step_in_stages(2, options, result, &plan);
+    result.kernel += "; " + basis().reason;
+  } else {
+    solve_by_split_marching(problem_, options, result, &plan);
   }
 }
 
@@ -213,14 +232,14 @@ bool Methods::divides_in_stages() const {
 }
 
 // Small states are recorded whole, and the requested components are taken from them.
-void Methods::step_in_stages(Index stages, const InnerOptions& options, Result& result) {
+void Methods::step_in_stages(Index stages, const InnerOptions& options, Result& result, const ScanPlan* plan) {
   const Index m = problem_.scene.states();
   if (m > most_recorded_states)
-    return solve_by_stages(problem_, stages, options, result, stages == 2 ? operator_->poles() : nullptr);
+    return solve_by_stages(problem_, stages, options, result, stages == 2 ? operator_->poles() : nullptr, plan);
   DiscreteProblem p = problem_;
   p.components.resize(std::size_t(m));
   std::iota(p.components.begin(), p.components.end(), Index(0));
-  solve_by_stages(p, stages, options, result);
+  solve_by_stages(p, stages, options, result, nullptr, plan);
   if (result.x.cols() != m) return;
   stage_states_ = std::move(result.x);
   result.x = stage_states_(Eigen::all, problem_.components);

@@ -6,6 +6,7 @@
 #include "../kernel/time_operator.hpp"
 #include "../result/inner_options.hpp"
 #include "../result/result.hpp"
+#include "../scan/chunk_scan.hpp"
 
 #include <map>
 #include <memory>
@@ -45,11 +46,12 @@ class Methods {
 
  private:
   void march(const InnerOptions&, Result&);
+  void shoot(const InnerOptions&, Result&);
   void march_by_weights(const InnerOptions&, Result&);
   double surplus_of_start(Method, const Result&) const;
   void judge_start(Method, Result&) const;
   bool divides_in_stages() const;
-  void step_in_stages(Index stages, const InnerOptions&, Result&);
+  void step_in_stages(Index stages, const InnerOptions&, Result&, const ScanPlan* plan = nullptr);
   void iterate(const Options&, Result&);
   void cycle(const Options&, Result&);
   void keep_all_states(Result&);

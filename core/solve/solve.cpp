@@ -4,6 +4,7 @@
 #include "core/base/interruption.hpp"
 #include "core/base/text.hpp"
 #include "core/base/timer.hpp"
+#include "core/result/located.hpp"
 #include "core/scene/coarse_sources.hpp"
 #include "core/solve/stages.hpp"
 #include "core/solve/unsolved.hpp"
@@ -79,7 +80,7 @@ Result through_stages(const Scene& scene, Backend& backend, const InnerOptions& 
 // Steps that are given may be too few for the sources; with a tolerance and by located events they are chosen.
 void report_coarse_sources(const Scene& scene, const Options& options, Result& result) {
   if (controls_error(options) || options.method == Method::goal) return;
-  if (locates_switches(result.method) || result.certificate) return;
+  if (locates_switches(result) || result.certificate) return;
   if (result.status != Status::solved || result.unresolved_sources > most_unresolved) return;
   const CoarseSources coarse = find_coarse_sources(scene, result.t);
   if (coarse.missed == 0) return;

@@ -230,14 +230,15 @@ Vector start_by_galerkin(const Scene& scene, Backend& backend, const InnerOption
   return {};
 }
 
-// By name; automatic tries it for boundary values. Where it does not succeed from rest, it starts from method galerkin.
+// Boundary values by name; automatic tries it. Where it does not succeed from rest, it starts from method galerkin.
+// Initial values are a matter of one grid, as those of the other methods.
 std::optional<Result> shooting(const Scene& scene, Backend& backend, const InnerOptions& options, const Solve& solve) {
   const bool named = options.method == Method::shooting;
-  if (!named && (options.method != Method::automatic || !scene.boundary || options.event_location)) return std::nullopt;
+  if (!scene.boundary || (!named && options.method != Method::automatic) || (!named && options.event_location))
+    return std::nullopt;
   if (const std::string why = unsuited_to_shooting(scene); !why.empty()) {
     if (!named) return std::nullopt;
-    return unsolved(scene, backend, options, Status::unsupported,
-                    "method shooting: " + why + (scene.boundary ? "; use method galerkin" : "; use method events"));
+    return unsolved(scene, backend, options, Status::unsupported, "method shooting: " + why + "; use method galerkin");
   }
   const auto succeeds = [](const Result& r) { return r.status == Status::solved; };
   Result result = within_seconds(scene, backend, options, [&](const InnerOptions& o) {

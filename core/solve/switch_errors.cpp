@@ -1,6 +1,7 @@
 #include "core/solve/switch_errors.hpp"
 
 #include "core/base/error.hpp"
+#include "core/result/located.hpp"
 #include "core/solve/located_values.hpp"
 #include "core/solve/shooting_control.hpp"
 
@@ -67,7 +68,7 @@ std::vector<double> distances(const std::vector<Switch>& found, const std::vecto
 
 std::vector<Switch> switches_with_errors(const Scene& scene, Backend& backend, const Options& options,
                                          const Result& result) {
-  if (locates_switches(result.method) && result.status == Status::solved) {
+  if (locates_switches(result) && result.status == Status::solved) {
     const Scene started = scene.boundary ? from_start(scene, result) : scene;
     if (auto located = located_switches(started, scene.T / double(result.steps))) return std::move(*located);
   }

@@ -219,7 +219,7 @@ class Result(Rows):
         (``docs/derivatives.md``).
 
         Args:
-            located: False: of the discrete solution, for a continuous y and the methods march, contour and multigrid.
+            located: False: of the discrete solution, for a continuous y and the methods march, shooting, contour and multigrid.
                 True: of the solution with located switches, for dense scenes of up to 64 states and 48 constraints, also
                 where y or x jumps (relays, M = 0, impacts). None: located where y may jump, and where that of the
                 discrete solution is refused.

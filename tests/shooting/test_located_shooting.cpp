@@ -285,14 +285,19 @@ TEST(LocatedShooting, SaysWhatWasTriedWhereNothingIsPeriodic) {
   EXPECT_NE(r.reason.find("x(0)"), std::string::npos) << r.reason;
 }
 
-TEST(LocatedShooting, RefusesInitialValues) {
+TEST(LocatedShooting, InitialValuesTakeStepsAndNotLocatedEvents) {
+  // x' = -x + y + 1, 0 <= y, x >= 0, from 0: x = 1 - e^{-t}.
   Scene scene = one_state(
       -1, 1, [](double) { return 1.0; }, [](double) { return 0.0; });
   scene.boundary.reset();
   scene.x0 = Vector::Zero(1);
   const Result r = shot(scene);
-  EXPECT_EQ(r.status, Status::unsupported);
-  EXPECT_NE(r.reason.find("use method events"), std::string::npos) << r.reason;
+  ASSERT_EQ(r.status, Status::solved) << r.reason;
+  EXPECT_EQ(r.method, Method::shooting);
+  EXPECT_EQ(r.start.size(), 0);
+  EXPECT_NE(r.kernel.find("chunks of time"), std::string::npos) << r.kernel;
+  // A step of e^{hA} is exact for constant f: rounding of 100 steps.
+  EXPECT_NEAR(r.x(100, 0), 1 - std::exp(-1), 1e-13);
 }
 
 // A mass that lands on a rigid floor at a time that depends on its start, and is pushed off again.
