@@ -50,7 +50,7 @@ int parse_threads(const std::string& word) { return int(integer_within("--thread
 
 double parse_seconds(const std::string& argument, const std::string& word) { return positive(argument, word); }
 
-void parse_error_control(const SolveArguments& a, Options& options, std::optional<double> of_file, bool of_states) {
+void parse_error_control(const SolveArguments& a, Options& options, const Scene& scene, bool of_states) {
   // Method goal has an absolute tolerance, of its quantity.
   const bool absolute = options.method == Method::goal;
   for (const auto& [argument, word, value] : {std::tuple("--tol", &a.tolerance, &options.tolerance),
@@ -60,8 +60,10 @@ void parse_error_control(const SolveArguments& a, Options& options, std::optiona
   if (!a.absolute_tolerance.empty()) options.absolute_tolerance = positive("--atol", a.absolute_tolerance);
   if (!a.max_steps.empty()) options.max_steps = Index(integer_within("--max-steps", a.max_steps, max_steps));
   if (!a.max_seconds.empty()) options.max_seconds = positive("--max-seconds", a.max_seconds);
-  if (of_file && a.steps.empty() && !controls_error(options))
-    (of_states ? options.tolerance_x : options.tolerance) = *of_file;
+  if (!controls_error(options)) {
+    options = with_defaults(options, scene);
+    if (of_states) std::swap(options.tolerance, options.tolerance_x);
+  }
   if (!controls_error(options) && !(a.max_steps.empty() && a.max_seconds.empty()))
     throw Error(a.max_steps.empty() ? "--max-seconds" : "--max-steps", "is given without a tolerance", "add --tol EPS");
 }

@@ -18,10 +18,9 @@ inline constexpr int max_threads = 4096;
 /// A whole number from 1 to `limit`, also "1e6".
 Index parse_steps(const std::string& word, long long limit = max_steps);
 int parse_threads(const std::string& word);
-/// The given options of error control. `of_file`: tolerance where neither a tolerance nor --steps is given;
-/// `of_states`: it is one of the states alone.
-void parse_error_control(const SolveArguments&, Options& options, std::optional<double> of_file = {},
-                         bool of_states = false);
+/// The given options of error control, or those of with_defaults, behind the other options; `of_states`: the default
+/// tolerance is one of the states alone.
+void parse_error_control(const SolveArguments&, Options& options, const Scene&, bool of_states);
 /// A positive number of seconds.
 double parse_seconds(const std::string& argument, const std::string& word);
 /// A number strictly between 0 and 1.

@@ -19,7 +19,7 @@ namespace bromwich::app {
 std::unique_ptr<Backend> choose_backend(const std::string& word, const Scene& scene, const Options& options,
                                         Index components, int threads, bool device_started,
                                         std::optional<int> device_wanted) {
-  const Index steps = options.steps > 0 ? options.steps : scene.default_steps;
+  const Index steps = steps_of(scene, options);
   if (word == "cpu" || (word == "auto" &&
                         (!cuda_built() || !devices_apart().empty() ||
                          !faster_on_device(cuda_traits(), cpu_traits(), scene, options.method, steps, device_started) ||

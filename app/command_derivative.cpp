@@ -55,7 +55,7 @@ Options options_of(const DerivativeArguments& a, const SceneChoice& choice, cons
   SolveArguments control;
   control.steps = a.steps, control.tolerance = a.tolerance;
   if (!a.steps.empty()) options.steps = parse_steps(a.steps);
-  parse_error_control(control, options, choice.tolerance, choice.circuit != nullptr);
+  parse_error_control(control, options, choice.scene, choice.circuit != nullptr);
   options.states = states_of(columns).empty() ? StateSelection::none : StateSelection::all;
   options.trace = true;
   options.memory_limit = memory_bytes();

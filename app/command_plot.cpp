@@ -44,8 +44,8 @@ int run_plot(const PlotArguments& arguments) {
   const std::string name = result_name(arguments);
   const std::string target = arguments.out.empty() ? fs::path(name).replace_extension(".html").string() : arguments.out;
   const OutputFile file("--out", target, ".html");
-  if (report::is_sweep_table(name)) {
-    const std::string page = report::sweep_page("RESULT", name, build_info::version);
+  if (const auto sweep = report::read_sweep_table("RESULT", name)) {
+    const std::string page = report::sweep_page(*sweep, fs::path(name).filename().string(), build_info::version);
     file.write([&page](std::FILE* out) { std::fwrite(page.data(), 1, page.size(), out); });
     print(fmt::format("{}\n", target));
     return exit_solved;

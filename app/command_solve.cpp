@@ -82,7 +82,7 @@ Options solve_options(const SolveArguments& arguments, const SceneChoice& choice
   options.event_location = arguments.event_location;
   if (!arguments.nodes.empty()) options.tuning.literal_nodes = parse_nodes(arguments.nodes, options.method);
   options.confirm = !arguments.no_confirm;
-  parse_error_control(arguments, options, choice.tolerance, choice.circuit != nullptr);
+  parse_error_control(arguments, options, choice.scene, choice.circuit != nullptr);
   if (const double smallest = smallest_tolerance(options); smallest > 0 && options.method != Method::goal) {
     // A smaller iteration error than the tolerance needs would waste sweeps. A thousandth of it does not affect the
     // differences of grids.
@@ -293,7 +293,7 @@ void begin(const SolveArguments& arguments, const SceneChoice& choice, const Opt
   const std::vector<Index> states = recorded_components(files.scene(choice), options);
   files.out->check_states(states);
   if (parts && parts->from && files.out->exists()) return files.out->resume(states, parts->from->row + 1, parts->run);
-  const Index steps = options.steps > 0 ? options.steps : choice.scene.default_steps;
+  const Index steps = steps_of(choice.scene, options);
   const Index rows = files.times.empty() ? steps + 1 : Index(files.times.size());
   files.out->begin(states, rows, facts_of_run(arguments, choice, options, parts ? parts->run : new_run()));
   if (parts && parts->from) append_start(choice.scene, *parts->from, *files.out);
@@ -314,8 +314,7 @@ int print_text(const SolveArguments& arguments) {
 void check_run(const SolveArguments& arguments, const SceneChoice& choice, const Options& options, Index recorded) {
   // A nonlinear system has all states, phi and their linear solution at all time points, but for functions of N x.
   const bool all_states = choice.system && !choice.system->of_trace;
-  check_memory(choice.scene, options.steps > 0 ? options.steps : choice.scene.default_steps,
-               all_states ? 3 * choice.scene.states() : recorded);
+  check_memory(choice.scene, steps_of(choice.scene, options), all_states ? 3 * choice.scene.states() : recorded);
   if (choice.system) nonlinear_options(arguments, options);  // refuses what does not apply
   check_energies(arguments, choice.scene, options);
   if (options.method == Method::goal && !arguments.at.empty())

@@ -54,14 +54,14 @@ class SweepRun {
     choice_ = reading_.first();
     options_.method = parse_method(arguments.method);
     if (!arguments.steps.empty()) options_.steps = parse_steps(arguments.steps);
-    parse_error_control(arguments, options_, choice_.tolerance, choice_.circuit != nullptr);
+    parse_error_control(arguments, options_, choice_.scene, choice_.circuit != nullptr);
     if (!arguments.iteration_tolerance.empty())
       options_.iteration_tolerance = parse_iteration_tolerance(arguments.iteration_tolerance);
     choose_columns();
     options_.trace = by_hdf5() || need_trace(columns_) ||
                      std::any_of(measures_.begin(), measures_.end(),
                                  [](const Measure& m) { return m.column.kind == ColumnKind::w; });
-    if (options_.steps == 0 && !controls_error(options_)) options_.steps = choice_.scene.default_steps;
+    if (!controls_error(options_)) options_.steps = steps_of(choice_.scene, options_);
     choose_times();
     states_ = recorded_components(choice_.scene, options_);
     if (columns_.empty() && measures_.empty()) columns_ = default_columns(choice_.scene, states_);
@@ -104,15 +104,23 @@ class SweepRun {
  private:
   /// The columns of a CSV file, and the states that they or --states ask for.
   void choose_columns() {
-    if (!arguments_.columns.empty())
-      measures_ = parse_measures(arguments_.columns, choice_.scene, choice_.parameters, columns_);
-    check_measures();
+    const bool asked = !arguments_.columns.empty();
+    const bool of_file = !asked && !sweep_.columns.empty() && !by_hdf5() && arguments_.at.empty();
+    try {
+      if (asked || of_file)
+        measures_ =
+            parse_measures(asked ? arguments_.columns : sweep_.columns, choice_.scene, choice_.parameters, columns_);
+      check_measures();
+    } catch (const Error& error) {
+      if (!of_file) throw;
+      throw Error(sweep_.columns_place, error.found(), error.remedy());
+    }
     std::vector<Column> read = columns_;
     for (const Measure& measure : measures_) read.push_back(measure.column);
     for (const Column& column : read)
       if (column.kind == ColumnKind::trace)
         throw Error("--columns", fmt::format("asks for {} with [sweep]", column.name), "leave trace out");
-    if (arguments_.columns.empty() || !arguments_.states.empty())
+    if (read.empty() || !arguments_.states.empty())
       parse_states("--states", arguments_.states.empty() ? choice_.states : arguments_.states, choice_.scene, options_);
     const std::vector<Index> wanted = states_of(read);
     if (options_.states == StateSelection::all || wanted.empty()) return;
@@ -137,7 +145,7 @@ class SweepRun {
   /// Rows that all scenes have: of --at, with a tolerance those of the steps of the file, otherwise those of the grid.
   void choose_times() {
     const double T = choice_.scene.T;
-    const Index steps = options_.steps > 0 ? options_.steps : choice_.scene.default_steps;
+    const Index steps = steps_of(choice_.scene, options_);
     if (!arguments_.at.empty() && swept("T"))
       throw Error("--at", "is given for scenes with other T", "leave it out: rows are at the same parts of T");
     if (!arguments_.at.empty())

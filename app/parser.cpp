@@ -39,7 +39,9 @@ void add_scene(CLI::App* command, Arguments& a, const std::string& what) {
 void add_tolerances(CLI::App* command, SolveArguments& a) {
   add_word(command, "--tol", a.tolerance, "EPS",
            "refine the grid until the estimated error of every component of y and of the selected states is below EPS "
-           "times its largest value; where y may jump, of its mean over [0, t]");
+           "times its largest value; where y may jump, of its mean over [0, t]; default, without --steps: that of the "
+           "scene, "
+           "or 1e-3 where it states neither");
   add_word(command, "--tol-x", a.tolerance_x, "EPS",
            "the same for the states; without the other two: for all states and not for y");
   add_word(command, "--tol-y", a.tolerance_y, "EPS", "the same for y; without the other two: for y only");
@@ -94,7 +96,8 @@ void add_checkpoints(CLI::App* command, SolveArguments& a) {
 CLI::App* add_command(CLI::App& app, SolveArguments& a) {
   CLI::App* command = app.add_subcommand("solve", "solve a scene");
   add_scene(command, a, "a scene that 'bromwich scenes' lists, or a file .toml");
-  add_word(command, "--steps", a.steps, "J", "time steps, with --tol of the first grid; default: the scene's own");
+  add_word(command, "--steps", a.steps, "J",
+           "time steps, with --tol of the first grid; default: those of the scene, if it states no tolerance");
   add_tolerances(command, a);
   add_word(command, "--iteration-tol", a.iteration_tolerance, "EPS",
            "stop iterating at this change of y, relative to max(1,|y|); default 1e-12, or a thousandth of --tol");
@@ -135,7 +138,7 @@ CLI::App* add_command(CLI::App& app, SolveArguments& a) {
 CLI::App* add_command(CLI::App& app, CheckArguments& a) {
   CLI::App* command = app.add_subcommand("check", "say what is known of a scene before it is solved, or of a result");
   add_scene(command, a, "a scene that 'bromwich scenes' lists, a file .toml, or a result .h5, .npz, .vtkhdf or .csv");
-  add_word(command, "--steps", a.steps, "J", "time steps; default: the scene's own");
+  add_word(command, "--steps", a.steps, "J", "time steps; default: those of the scene, or its tolerance");
   add_word(command, "--states", a.states, "LIST", "state components to write: none, all or 0,3,7");
   command->add_flag("--json", a.json, "print one JSON object instead of the lines");
   command->footer(
@@ -176,7 +179,7 @@ CLI::App* add_command(CLI::App& app, PlotArguments& a) {
 template <class Arguments>
 void add_solve(CLI::App* command, Arguments& a) {
   add_word(command, "--method", a.method, "NAME", join(method_names()) + "; default: auto");
-  add_word(command, "--steps", a.steps, "J", "time steps; default: the scene's own");
+  add_word(command, "--steps", a.steps, "J", "time steps; default: those of the scene, or its tolerance");
   add_word(command, "--threads", a.threads, "N", "threads; default: all cores");
 }
 

@@ -289,7 +289,7 @@ void prepare_parts(const std::string& argument, const Scene& scene, Options& opt
     refuse(
         fmt::format("method {} is no run from the start to the end", to_string(options.method)),
         ranks().size() == 1 ? "use --method march, euler, contour or multigrid" : "use --method contour or multigrid");
-  if (options.steps == 0) options.steps = scene.default_steps;
+  options.steps = steps_of(scene, options);
 }
 
 void read_restart(const std::string& file, PartsOptions& parts) {

@@ -92,7 +92,8 @@ void look_at_sources(const Scene& scene, Index J, SceneCheck& check) {
   const SampledSource f = scene.f ? sample(scene.f, t, scene.sources()) : SampledSource();
   if (const Index j = std::max(f.not_finite(), g.not_finite()); j >= 0)
     check.refusal = fmt::format("a source is not finite at t = {:.6g}", t[j]);
-  else if (const SourceSteps steps = find_source_steps(scene, t, f, g, true); steps.unresolved > 0)
+  else if (const SourceSteps steps = find_source_steps(scene, t, f, g, true);
+           steps.unresolved > 0 && check.tolerance == 0)
     check.warnings.push_back(
         fmt::format("f or g changes too fast inside {} of {} steps (first seen around t = {:.6g}): use more steps",
                     steps.unresolved, J, steps.time));
@@ -198,7 +199,8 @@ SceneCheck check_scene(const SceneChoice& choice, Backend& backend, const Option
   SceneCheck check;
   check.constraints = scene.constraints();
   check.states = scene.states();
-  check.steps = options.steps > 0 ? options.steps : scene.default_steps;
+  check.steps = steps_of(scene, options);
+  check.tolerance = with_defaults(options, scene).tolerance;
   check.free_rows = Index(scene.free_rows.size());
   check.T = scene.T;
   check.dynamics = kind_text(*scene.dynamics);
@@ -229,10 +231,11 @@ std::string check_text(const SceneChoice& choice, const SceneCheck& check) {
   const std::string parameters = describe(choice.parameters);
   line("scene", parameters.empty() ? choice.scene.name : fmt::format("{} ({})", choice.scene.name, parameters));
   line("size",
-       fmt::format("{}{}, {}, {} of {:.6g} up to T = {:.6g}{}", counted(std::size_t(check.constraints), "constraint"),
+       fmt::format("{}{}, {}, {}{} of {:.6g} up to T = {:.6g}{}", counted(std::size_t(check.constraints), "constraint"),
                    check.free_rows > 0 ? fmt::format(", {} of them free", check.free_rows) : "",
-                   counted(std::size_t(check.states), "state"), counted(std::size_t(check.steps), "step"),
-                   check.T / double(check.steps), check.T,
+                   counted(std::size_t(check.states), "state"),
+                   check.tolerance > 0 ? fmt::format("to {:g}, seen with ", check.tolerance) : "",
+                   counted(std::size_t(check.steps), "step"), check.T / double(check.steps), check.T,
                    choice.scene.time_unit.empty() ? "" : " " + one_line(choice.scene.time_unit)));
   line("dynamics", check.dynamics + ", " + check.mass);
   line("class", check.matrix_class);
@@ -272,6 +275,7 @@ Json check_json(const SceneChoice& choice, const SceneCheck& check) {
                    {"states", check.states},
                    {"free_rows", check.free_rows},
                    {"steps", check.steps},
+                   {"tolerance", check.tolerance > 0 ? Json(check.tolerance) : Json(nullptr)},
                    {"T", check.T}};
   json["dynamics"] = check.dynamics;
   json["mass"] = check.mass;

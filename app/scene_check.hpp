@@ -24,6 +24,7 @@ struct Candidate {
 struct SceneCheck {
   Index constraints = 0, states = 0, steps = 0, free_rows = 0;
   double T = 0;
+  double tolerance = 0;  ///< of a solve with these options; 0: it takes `steps`, otherwise predictions are for them
   std::string dynamics, mass, matrix_class, spectrum, start, sources;
   std::vector<double> breakpoints;     ///< stated, or found by looking at the sources
   std::vector<Candidate> candidates;   ///< in the order in which they are tried

@@ -53,7 +53,7 @@ void check_keys(const SceneRecipe& recipe, const ParameterValues& settings) {
 SceneChoice choose_built_in(const std::string& name, const ParameterValues& settings) {
   const SceneRecipe& recipe = find_recipe(name);
   check_keys(recipe, settings);
-  SceneChoice choice{make_scene(name, settings), settings, "none", std::nullopt, std::nullopt};
+  SceneChoice choice{make_scene(name, settings), settings, "none", std::nullopt};
   for (const SceneParameter& parameter : recipe.parameters) choice.parameters.emplace(parameter.name, parameter.value);
   // Of two parameters that replace each other, only the given one is kept.
   for (const SceneParameter& parameter : recipe.parameters)
@@ -66,7 +66,8 @@ SceneChoice choose_built_in(const std::string& name, const ParameterValues& sett
 SceneChoice choose_circuit(const std::string& name, const ParameterValues& settings) {
   constexpr double tolerance = 1e-4;
   auto circuit = std::make_shared<const Circuit>(read_circuit(name, settings));
-  SceneChoice choice{circuit->scene, circuit->parameters, "all", tolerance, std::nullopt};
+  SceneChoice choice{circuit->scene, circuit->parameters, "all", std::nullopt};
+  choice.scene.default_tolerance = tolerance;
   choice.inputs = circuit->inputs;
   choice.circuit = std::move(circuit);
   return choice;
@@ -97,7 +98,6 @@ SceneChoice SceneSource::choice(const ParameterValues& settings, bool nonlinear)
   return {std::move(file.scene),
           std::move(file.parameters),
           std::move(file.states),
-          file.tolerance,
           std::move(file.reference),
           std::move(file.quantity),
           std::move(file.warning),

@@ -22,7 +22,6 @@ struct SceneChoice {
   Scene scene;
   ParameterValues parameters;
   std::string states = "none";         ///< default of --states
-  std::optional<double> tolerance;     ///< default of --tol, of a netlist of --tol-x
   std::optional<Reference> reference;  ///< empty if parameters were set: it is valid for those of the file
   std::shared_ptr<const QuantityOfInterest> quantity = {};  ///< of the file; null if it has none
   std::string warning = {};                                 ///< of the file, or empty

@@ -36,10 +36,9 @@ void Batch::validate() const {
   if (!own.empty()) {
     require_axis("own", own, scenes);
     for (std::size_t k = 0; k < own.size(); ++k)
-      for (const auto& [name, found, expected] :
-           {std::tuple("states", own[k].states(), own[0].states()),
-            std::tuple("constraints", own[k].constraints(), own[0].constraints()),
-            std::tuple("default_steps", own[k].default_steps, own[0].default_steps)})
+      for (const auto& [name, found, expected] : {std::tuple("states", own[k].states(), own[0].states()),
+                                                  std::tuple("constraints", own[k].constraints(), own[0].constraints()),
+                                                  std::tuple("default_steps", own[k].steps(), own[0].steps())})
         if (found != expected)
           throw Error(name, "is " + std::to_string(found) + " in scene " + std::to_string(k),
                       "give " + std::to_string(expected) + " as in scene 0: all have one structure");

@@ -10,10 +10,6 @@ namespace bromwich {
 
 /// The scene from which sizes and times are taken.
 inline const Scene& first_of(const Batch& b) { return b.own.empty() ? b.common : b.own.front(); }
-/// J of a scene.
-inline Index steps_of(const Scene& scene, const Options& options) {
-  return options.steps > 0 ? options.steps : scene.default_steps;
-}
 
 inline bool same_units(const NaturalUnits& a, const NaturalUnits& b) { return a.x == b.x && a.y == b.y && a.w == b.w; }
 

@@ -29,6 +29,11 @@ void validate_options(const Batch& batch, const Options& options) {
     throw Error("method", "found goal for a batch", "use another method: its grids differ from scene to scene");
 }
 
+// Scenes with rows at times of their own can be solved to a tolerance; the rows of others are those of one grid.
+Options options_of(const Batch& batch, const Options& given) {
+  return batch.times.empty() ? given : with_defaults(given, first_of(batch));
+}
+
 Batch part_of(const Batch& b, Index first, Index count) {
   Batch part;
   part.common = b.common;
@@ -59,9 +64,10 @@ double predicted_bytes(const Batch& b, const Options& options, Index scenes, int
 
 namespace {
 
-BatchResult solved_batch(const Batch& batch, Backend& backend, const Options& options, const MakeBackend& another,
+BatchResult solved_batch(const Batch& batch, Backend& backend, const Options& given, const MakeBackend& another,
                          bool fill) {
   batch.validate();
+  const Options options = options_of(batch, given);
   validate_options(batch, options);
   const double bytes = predicted_bytes(batch, options, batch.scenes, backend.threads());
   if (options.memory_limit > 0 && bytes > options.memory_limit)
@@ -91,9 +97,10 @@ void add_missing_rows(BatchResult& r) {
   }
 }
 
-Index solve_in_blocks(const Batch& batch, Backend& backend, const Options& options,
+Index solve_in_blocks(const Batch& batch, Backend& backend, const Options& given,
                       const std::function<void(Index first, const BatchResult&)>& take, const MakeBackend& another) {
   batch.validate();
+  const Options options = options_of(batch, given);
   validate_options(batch, options);
   const double limit = options.memory_limit > 0 ? options.memory_limit : default_block_bytes;
   const double fixed = predicted_bytes(batch, options, 0, backend.threads()),

@@ -276,16 +276,30 @@ void set_rows(File& file, hid_t dataset, Index rows) {
   file.checked(H5Dset_extent(dataset, shape.data()));
 }
 
-void append_rows(File& file, hid_t dataset, hid_t memory_type, Index first, Index count, const void* values) {
-  file.require_whole();
-  set_rows(file, dataset, first + count);
-  const Handle space(file.checked(H5Dget_space(dataset)), H5Sclose);
+namespace {
+
+// Spaces of consecutive rows, in memory and in the file.
+std::pair<Handle, Handle> part_of(File& file, hid_t dataset, Index first, Index count) {
+  Handle space(file.checked(H5Dget_space(dataset)), H5Sclose);
   Shape size = shape_of(file, dataset), start(size.size(), 0);
   start[0] = hsize_t(first);
   size[0] = hsize_t(count);
   file.checked(H5Sselect_hyperslab(space, H5S_SELECT_SET, start.data(), nullptr, size.data(), nullptr));
-  const Handle memory(file.checked(H5Screate_simple(int(size.size()), size.data(), nullptr)), H5Sclose);
+  return {Handle(file.checked(H5Screate_simple(int(size.size()), size.data(), nullptr)), H5Sclose), std::move(space)};
+}
+
+}  // namespace
+
+void append_rows(File& file, hid_t dataset, hid_t memory_type, Index first, Index count, const void* values) {
+  file.require_whole();
+  set_rows(file, dataset, first + count);
+  const auto [memory, space] = part_of(file, dataset, first, count);
   file.checked(H5Dwrite(dataset, memory_type, memory, space, H5P_DEFAULT, values));
+}
+
+void read_rows(File& file, hid_t dataset, hid_t memory_type, Index first, Index count, void* values) {
+  const auto [memory, space] = part_of(file, dataset, first, count);
+  file.checked(H5Dread(dataset, memory_type, memory, space, H5P_DEFAULT, values));
 }
 
 void read_all(File& file, hid_t dataset, hid_t memory_type, void* values) {

@@ -125,6 +125,9 @@ void append_rows(File&, hid_t dataset, hid_t memory_type, Index first, Index cou
 /// Reads all of it.
 void read_all(File&, hid_t dataset, hid_t memory_type, void* values);
 
+/// Reads `count` rows.
+void read_rows(File&, hid_t dataset, hid_t memory_type, Index first, Index count, void* values);
+
 /// Rows of a chunk, for rows of `width` numbers.
 Index rows_per_chunk(Index width);
 /// Rows that are appended between two flushes.

@@ -45,6 +45,8 @@ std::unique_ptr<SweepFile> create_sweep_hdf5(const FileTarget& target, const Res
   return part(target).create_sweep(target, columns, sweep, t);
 }
 
+std::optional<StoredSweep> read_sweep_hdf5(const FileTarget& target) { return part(target).read_sweep(target); }
+
 StoredResult read_hdf5(const FileTarget& target) { return part(target).read(target); }
 
 void write_checkpoint(const FileTarget& target, const Checkpoint& checkpoint) {

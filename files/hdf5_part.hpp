@@ -13,6 +13,7 @@ struct Hdf5Part {
   decltype(&create_vtkhdf) create_vtk;
   decltype(&continue_vtkhdf) continue_vtk;
   decltype(&create_sweep_hdf5) create_sweep;
+  decltype(&read_sweep_hdf5) read_sweep;
   decltype(&read_hdf5) read;
   decltype(&write_checkpoint) write_point;
   decltype(&read_checkpoint) read_point;

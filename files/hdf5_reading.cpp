@@ -3,10 +3,13 @@
 #include "core/base/error.hpp"
 #include "files/hdf5_file.hpp"
 #include "files/stored_result.hpp"
+#include "files/sweep_file.hpp"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <iterator>
+#include <sstream>
 
 namespace bromwich {
 
@@ -178,9 +181,69 @@ void cut_unwritten_rows(StoredResult& stored) {
 
 }  // namespace
 
-StoredResult read_hdf5(const FileTarget& target) {
+namespace {
+
+void require_file(const FileTarget& target) {
   if (std::error_code none; !std::filesystem::is_regular_file(target.path, none))
     throw Error(target.argument, "'" + target.path.string() + "' is no file", "give a file that exists");
+}
+
+// scenes x (2 components): the last row and the largest size, side by side. Read in parts of few bytes.
+RowMatrix last_and_largest(File& file, const std::string& name) {
+  constexpr Index values_together = 1 << 22;  // 32 MiB
+  const Handle data = open_dataset(file, file, name);
+  const Shape shape = shape_of(file, data);
+  const Index scenes = Index(shape[0]), rows = Index(shape[1]), width = Index(shape[2]);
+  RowMatrix found(scenes, 2 * width);
+  if (rows * width == 0) return RowMatrix(scenes, 0);
+  const Index together = std::clamp<Index>(values_together / (rows * width), 1, std::max<Index>(1, scenes));
+  RowMatrix part(together * rows, width);
+  for (Index first = 0; first < scenes; first += together) {
+    const Index count = std::min(together, scenes - first);
+    read_rows(file, data, H5T_NATIVE_DOUBLE, first, count, part.data());
+    for (Index k = 0; k < count; ++k)
+      for (Index c = 0; c < width; ++c) {
+        const auto values = part.col(c).segment(k * rows, rows);
+        found(first + k, 2 * c) = values[rows - 1];
+        found(first + k, 2 * c + 1) = values.cwiseAbs().maxCoeff<Eigen::PropagateNaN>();
+      }
+  }
+  return found;
+}
+
+std::vector<std::string> between_blanks(const std::string& text) {
+  std::istringstream in(text);
+  return {std::istream_iterator<std::string>(in), {}};
+}
+
+}  // namespace
+
+std::optional<StoredSweep> read_sweep_hdf5(const FileTarget& target) {
+  require_file(target);
+  File file(target, File::Access::read);
+  if (!has(file, "scene") || !has(file, "y") || !has(file, "status")) return std::nullopt;
+  StoredSweep sweep;
+  sweep.parameters = between_blanks(text_attribute(file, open_dataset(file, file, "y"), "coordinates"));
+  sweep.status = words(file, "status");
+  const Index scenes = Index(sweep.status.size());
+  sweep.swept.resize(scenes, Index(sweep.parameters.size()));
+  for (Index p = 0; p < sweep.swept.cols(); ++p) sweep.swept.col(p) = table(file, sweep.parameters[std::size_t(p)]);
+  for (const auto& [data, names] : {std::pair("y", "constraint_name"), {"x", "state_name"}}) {
+    if (!has(file, data)) continue;
+    for (const std::string& name : words(file, names)) {
+      sweep.columns.push_back(name + "(T)");
+      sweep.columns.push_back("max|" + name + "|");
+    }
+    const RowMatrix found = last_and_largest(file, data);
+    const Index before = sweep.values.cols();
+    sweep.values.conservativeResize(scenes, before + found.cols());
+    sweep.values.rightCols(found.cols()) = found;
+  }
+  return sweep;
+}
+
+StoredResult read_hdf5(const FileTarget& target) {
+  require_file(target);
   File file(target, File::Access::read);
   if (has(file, "VTKHDF") && has(file, "VTKHDF/Steps")) return read_image(file);
   if (!has(file, "t"))

@@ -41,6 +41,8 @@ std::unique_ptr<SweepFile> create_sweep_hdf5(const FileTarget& target, const Res
   refuse(target);
 }
 
+std::optional<StoredSweep> read_sweep_hdf5(const FileTarget& target) { refuse(target); }
+
 StoredResult read_hdf5(const FileTarget& target) { refuse(target); }
 
 void write_checkpoint(const FileTarget& target, const Checkpoint&) { refuse(target); }

@@ -36,16 +36,15 @@ constexpr const char* incomplete_switches =
     "not all times at which a source jumps or has a kink were found: its expressions switch too often; declare them as "
     "jumps in [time]";
 
-/// tol, or tolerance; 1e-3 where the file states no steps either.
-std::optional<double> read_tolerance(const Section& time, bool steps_are_set) {
-  constexpr double otherwise = 1e-3;
+/// tol, or tolerance; 0 without them.
+double read_tolerance(const Section& time) {
   const std::optional<double> tol = time.optional_number("tol"), tolerance = time.optional_number("tolerance");
   if (tol && tolerance) throw Error(time.where("tolerance"), "is given beside tol", "give one of them");
   const std::optional<double> stated = tol ? tol : tolerance;
   if (stated && !(*stated > 0 && *stated < 1))
     throw Error(time.where(tol ? "tol" : "tolerance"), fmt::format("found {}", *stated),
                 "give a number between 0 and 1, such as 1e-4");
-  return stated || steps_are_set || time.has("steps") ? stated : otherwise;
+  return stated.value_or(0);
 }
 
 /// What the file says beside the scene. `settings`: parameters with other values than in the file.
@@ -55,7 +54,7 @@ void add_facts(SceneFile& file, const Document& document, const Sections& sectio
   file.parameters = document.expressions.parameters();
   file.states = sections.output.text("states", "none");
   parse_state_choice(sections.output.where("states"), file.states, file.scene);
-  file.tolerance = read_tolerance(sections.time, settings.contains("steps"));
+  file.scene.default_tolerance = read_tolerance(sections.time);
   try {
     file.reference = read_reference(sections.reference, file.scene);
   } catch (const Error&) {  // it is valid for the parameters of the file, and others may change sizes and T

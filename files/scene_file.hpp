@@ -17,7 +17,7 @@ namespace bromwich {
 struct Reference {
   std::optional<double> t;          ///< the time of x and y
   std::vector<double> x, y;         ///< empty, or m and n values
-  std::optional<double> tolerance;  ///< absolute error of x and y with the default steps and method
+  std::optional<double> tolerance;  ///< absolute error of x and y of a solve without options
   std::string status = "solved";    ///< expected status of a solve
   std::optional<double> infeasible_at;
   std::string source;  ///< one line
@@ -25,10 +25,9 @@ struct Reference {
 
 struct SceneFile {
   Scene scene;
-  std::string description;          ///< one line
-  ParameterValues parameters;       ///< of [parameters], with the settings
-  std::string states = "none";      ///< components to write: "none", "all" or "0,3"
-  std::optional<double> tolerance;  ///< default of --tol: steps are then those of the first grid
+  std::string description;      ///< one line
+  ParameterValues parameters;   ///< of [parameters], with the settings
+  std::string states = "none";  ///< components to write: "none", "all" or "0,3"
   std::optional<Reference> reference;
   std::shared_ptr<const QuantityOfInterest> quantity;  ///< of method goal; null if the file has none
   std::string warning;                                 ///< one line about switch times that were not found, or empty

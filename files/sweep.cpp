@@ -67,7 +67,7 @@ class SweepReader {
   }
 
  private:
-  static constexpr const char* reserved_[] = {"file", "draws", "seed", "combine"};
+  static constexpr const char* reserved_[] = {"file", "draws", "seed", "combine", "columns"};
 
   [[noreturn]] void refuse(const std::string& key, const std::string& found, const std::string& remedy) const {
     throw Error(section_.where(key), found, remedy);
@@ -274,6 +274,11 @@ std::optional<Sweep> parse_sweep(std::string_view toml, const std::string& file_
   std::vector<std::string> known = document.order["parameters"];
   known.push_back("T");  // not steps: all scenes have the same rows
   Sweep sweep = SweepReader(document, *root.get("sweep")->as_table(), sections.sweep, std::move(known)).read();
+  if (sections.sweep.has("columns")) {
+    const toml::array* list = root["sweep"]["columns"].as_array();
+    sweep.columns = join(sections.sweep.texts("columns", list ? Index(list->size()) : 1));
+    sweep.columns_place = sections.sweep.where("columns");
+  }
   sweep.inputs = std::move(document.read);
   return sweep;
 }

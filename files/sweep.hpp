@@ -14,6 +14,7 @@ struct Sweep {
   std::vector<std::string> names;             ///< parameters, or T
   RowMatrix values;                           ///< one row per scene, one column per name
   std::vector<std::filesystem::path> inputs;  ///< the scene file, and tables that were read
+  std::string columns, columns_place;         ///< of the table, as --columns takes them, and where the file has them
 
   Index scenes() const { return values.rows(); }
   /// The settings of one scene, for read_scene_file.

@@ -15,6 +15,9 @@
 #include "sweep.hpp"
 
 #include <memory>
+#include <optional>
+#include <string>
+#include <vector>
 
 namespace bromwich {
 
@@ -34,6 +37,16 @@ class SweepFile {
   virtual void finish(const std::vector<std::string>& status, const std::vector<std::string>& reason,
                       const std::vector<std::string>& warning, const Facts&) = 0;
 };
+
+/// The table of a sweep: one row for each scene.
+struct StoredSweep {
+  std::vector<std::string> parameters, columns, status;
+  RowMatrix swept, values;  ///< scenes x parameters, scenes x columns
+};
+
+/// Of a file of create_sweep_hdf5: of each component of y and x its value in the last row, and its largest size, as the
+/// CSV file of a sweep has them. Nothing for a file of another kind.
+std::optional<StoredSweep> read_sweep_hdf5(const FileTarget&);
 
 /// A new file, in place of an existing one. Throws Error without HDF5.
 std::unique_ptr<SweepFile> create_sweep_hdf5(const FileTarget&, const ResultColumns&, const Sweep&, const Vector& t);

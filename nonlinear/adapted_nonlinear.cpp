@@ -122,7 +122,7 @@ std::optional<NonlinearResult> march_nonlinear_to_tolerance(const NonlinearScene
   const bool march = options.method == NonlinearMethod::march || options.method == NonlinearMethod::automatic;
   if (!march || !scene.linear.dynamics->small_state() || scene.of_trace) return std::nullopt;
   if (scene.linear.constraints() == 0 || (!scene.phi && !scene.gamma)) return std::nullopt;
-  const Index cells = options.steps > 0 ? options.steps : scene.linear.default_steps;
+  const Index cells = options.steps > 0 ? options.steps : scene.linear.steps();
   AdaptedSteps steps(scene, backend, options);
   const TreeRow start = steps.start();
   TreeMarch tree(

@@ -27,7 +27,7 @@ NonlinearRun::NonlinearRun(const NonlinearScene& scene, const Scene& stated, con
       backend_(backend),
       options_(options),
       n_(scene.linear.constraints()),
-      J_(options.steps > 0 ? options.steps : scene.linear.default_steps),
+      J_(options.steps > 0 ? options.steps : scene.linear.steps()),
       h_(scene.linear.T / double(J_)) {}
 
 NonlinearResult NonlinearRun::run() {

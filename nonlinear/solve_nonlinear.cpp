@@ -3,6 +3,7 @@
 #include "core/accuracy/magnification.hpp"
 #include "core/base/error.hpp"
 #include "core/base/text.hpp"
+#include "core/result/options.hpp"
 #include "core/scene/coarse_sources.hpp"
 #include "nonlinear/adapted_nonlinear.hpp"
 #include "nonlinear/divided_step.hpp"
@@ -75,7 +76,7 @@ double apart_in_y(const NonlinearResult& coarse, const NonlinearResult& fine) {
 NonlinearResult refine(const NonlinearScene& scene, const Scene& given, const std::vector<double>& breaks,
                        Backend& backend, NonlinearOptions options) {
   if (auto adapted = march_nonlinear_to_tolerance(scene, breaks, backend, options)) return std::move(*adapted);
-  if (options.steps == 0) options.steps = scene.linear.default_steps;
+  if (options.steps == 0) options.steps = scene.linear.steps();
   NonlinearResult coarse;
   std::optional<double> before;
   int failures = 0;
@@ -156,11 +157,13 @@ NonlinearResult solve_on_one_grid(const NonlinearScene& scene, const Scene& give
 
 }  // namespace
 
-NonlinearResult solve_nonlinear(const NonlinearScene& scene, Backend& backend, const NonlinearOptions& options) {
+NonlinearResult solve_nonlinear(const NonlinearScene& scene, Backend& backend, const NonlinearOptions& given) {
   scene.validate();
+  NonlinearOptions options = given;
+  if (options.steps == 0 && options.error == 0 && options.confirm) options.error = default_tolerance(scene.linear);
   if (!(options.tolerance > 0)) throw Error("tolerance", text("found %g", options.tolerance), "give a positive number");
   if (options.steps < 0) throw Error("steps", text("found %ld", long(options.steps)), "give a positive number");
-  const Index first = options.steps > 0 ? options.steps : scene.linear.default_steps;
+  const Index first = options.steps > 0 ? options.steps : scene.linear.steps();
   if (options.error > 0 && options.max_steps < first)
     throw Error("max_steps", text("found %ld", long(options.max_steps)),
                 text("give %ld or more, the steps of the first grid", long(first)));

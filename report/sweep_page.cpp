@@ -45,22 +45,14 @@ double number_of(const std::string& cell) {
   }
 }
 
-/// One row for each scene: parameters, a status, and columns of numbers.
-struct SweepRows {
-  Cells parameters, columns, status;
-  RowMatrix swept, values;
-
-  Vector column(Index c) const { return values.col(c); }
-};
-
-SweepRows read_rows(const std::string& argument, const std::filesystem::path& path) {
+StoredSweep read_rows(const std::string& argument, const std::filesystem::path& path) {
   std::ifstream in(path);
   std::string line;
   std::getline(in, line);
   const Cells header = cells_of(line);
   const auto status = std::find(header.begin(), header.end(), "status") - header.begin();
   const auto end = std::find(header.begin(), header.end(), "reason") - header.begin();
-  SweepRows rows;
+  StoredSweep rows;
   rows.parameters.assign(header.begin() + 1, header.begin() + status);
   rows.columns.assign(header.begin() + status + 1, header.begin() + end);
   std::vector<Cells> all;
@@ -100,7 +92,7 @@ Vector ends_of(const std::vector<double>& values) {
 }
 
 /// Over two parameters whose values are all combined.
-std::string map_of(const SweepRows& rows, Index a, Index b, Index column) {
+std::string map_of(const StoredSweep& rows, Index a, Index b, Index column) {
   const std::vector<double> across = different(rows.swept.col(a)), up = different(rows.swept.col(b));
   RowMatrix values = RowMatrix::Constant(Index(across.size()) + 1, Index(up.size()), NAN);
   const auto place = [](const std::vector<double>& all, double value) {
@@ -120,7 +112,7 @@ std::string map_of(const SweepRows& rows, Index a, Index b, Index column) {
   return heat_map(map);
 }
 
-std::string curve_of(const SweepRows& rows, Index parameter, Index column) {
+std::string curve_of(const StoredSweep& rows, Index parameter, Index column) {
   std::map<double, double> sorted;
   for (Index k = 0; k < rows.swept.rows(); ++k) sorted[rows.swept(k, parameter)] = rows.values(k, column);
   Vector x(Index(sorted.size())), y(Index(sorted.size()));
@@ -132,7 +124,7 @@ std::string curve_of(const SweepRows& rows, Index parameter, Index column) {
   return line_chart(chart);
 }
 
-std::string pictures(const SweepRows& rows) {
+std::string pictures(const StoredSweep& rows) {
   std::vector<Index> varied;
   for (Index c = 0; c < rows.swept.cols(); ++c)
     if (different(rows.swept.col(c)).size() > 1) varied.push_back(c);
@@ -141,7 +133,7 @@ std::string pictures(const SweepRows& rows) {
   std::string html;
   for (Index column = 0; column < rows.values.cols(); ++column) {
     const std::string& name = rows.columns[std::size_t(column)];
-    if (name == "residual" || !rows.column(column).array().isFinite().any()) continue;
+    if (name == "residual" || !rows.values.col(column).array().isFinite().any()) continue;
     if (product) {
       html += figure(map_of(rows, varied[1], varied[0], column), name + ", for each scene.");
       continue;
@@ -153,19 +145,23 @@ std::string pictures(const SweepRows& rows) {
   return html;
 }
 
-}  // namespace
-
-bool is_sweep_table(const std::filesystem::path& path) {
+bool is_table(const std::filesystem::path& path) {
   std::ifstream in(path);
   std::string line;
-  return path.extension() == ".csv" && std::getline(in, line) && line.starts_with("scene,") &&
-         line.find(",status,residual") != std::string::npos && line.find(",t,status") == std::string::npos;
+  return std::getline(in, line) && line.starts_with("scene,") && line.find(",status,residual") != std::string::npos &&
+         line.find(",t,status") == std::string::npos;
 }
 
-std::string sweep_page(const std::string& argument, const std::filesystem::path& path, const std::string& version) {
-  const SweepRows rows = read_rows(argument, path);
+}  // namespace
+
+std::optional<StoredSweep> read_sweep_table(const std::string& argument, const std::filesystem::path& path) {
+  if (path.extension() == ".csv" && is_table(path)) return read_rows(argument, path);
+  if (path.extension() == ".h5") return read_sweep_hdf5({argument, path});
+  return std::nullopt;
+}
+
+std::string sweep_page(const StoredSweep& rows, const std::string& name, const std::string& version) {
   const auto solved = std::count(rows.status.begin(), rows.status.end(), "solved");
-  const std::string name = path.filename().string();
   return fmt::format(
       "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\"/>\n"
       "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"/>\n"

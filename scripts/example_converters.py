@@ -4,7 +4,7 @@ from example_files import made, numbers
 from example_references import BridgeOfThreePhases, converter_solution, discontinuous_converter_solution
 
 
-def converter(name, title, unknowns, difficulty, circuit, gate, modes, states, step_error, tolerance="5e-6"):
+def converter(name, title, unknowns, difficulty, circuit, gate, modes, states, tolerance):
     """Writes the scene of a converter.
 
     circuit: values of the circuit, (name, value, comment). gate: (duty, frequency, periods). modes: (A, c) with the switch
@@ -58,7 +58,7 @@ class = "PSD"
 
 [time]
 T = "{periods}/frequency"
-steps = {100 * periods}
+tol = 1e-4
 
 [names]
 x = {states["names"]}
@@ -74,7 +74,6 @@ w = ["V", "A", "A"]
 [output]
 states = "all"
 
-# The edges of the gate lie at a third of a step. {step_error}
 [reference]
 t = "{periods}/frequency"
 x = {numbers(x, 15)}
@@ -105,8 +104,7 @@ def boost():
             "units": '["A", "V"]',
             "diode": lambda x: x[0],
         },
-        "On a time point the current would follow its new bound within the step\n# before. Between edges a step of Radau IIA "
-        "errs by (h/sqrt(L C))^4 / 72 = 1e-11 of the values, 2000 steps by 3e-7 V.",
+        "2e-3",
     )
 
 
@@ -137,8 +135,7 @@ def cuk():
             "units": '["A", "V", "A", "V"]',
             "diode": lambda x: x[0] - x[2],
         },
-        "Between them a step of Radau IIA errs by (h omega)^4 / 72 = 2.5e-11 of the\n# values with the fastest frequency, "
-        "omega = 1.6e4, 2500 steps by 1.3e-6 V.",
+        "3e-3",
     )
 
 
@@ -172,9 +169,7 @@ def flyback():
             "units": '["A", "V"]',
             "diode": lambda x: x[0],
         },
-        "In the step in which the diode stops, x errs by up to\n# h^2/2 times the rate of i_d: h = 2e-7, i_d/C falls with "
-        "v/(n^2 L C) = 2e10 V/s^2, 20 times: 9e-3 V at most.",
-        tolerance="9e-3",
+        "8e-3",
     )
 
 
@@ -217,7 +212,7 @@ class = "PSD"
 
 [time]
 T = {T:g}
-steps = 2000
+tol = 1e-4
 
 [names]
 x = ["i_a", "i_b", "i_c", "v"]
@@ -230,11 +225,9 @@ x = ["A", "A", "A", "V"]
 [output]
 states = "all"
 
-# In a step in which a current starts or ends, x errs by up to h^2/2 times the jump of its rate, (v/L) h^2/2 = 1e-4 A with
-# h = 2e-5, {switches} times, and v by (v/L C) h^2/2 times the time that it lasts.
 [reference]
 t = {T:g}
 x = {numbers(x, 12)}
-tolerance = 2e-3
+tolerance = 1e-1
 source = "Runge-Kutta 4 with steps of 2e-6 between {switches} located switches; see scripts/make_examples"
 """

@@ -77,7 +77,7 @@ std::vector<AutoCase> auto_cases(const BenchRequest& request) {
     SceneChoice choice = choose_initial_value_scene(name, settings);
     const Json parameters = to_json(choice.parameters);
     list.push_back({name, std::move(choice.scene), parameters, steps});
-    if (list.back().steps == 0) list.back().steps = list.back().scene.default_steps;
+    if (list.back().steps == 0) list.back().steps = list.back().scene.steps();
   };
   const auto add_network = [&](Index m, Index n, Index steps) {
     list.push_back({"network", network(m, n, 10), {{"m", m}, {"n", n}}, steps});

@@ -221,7 +221,7 @@ std::vector<Case> cases(const BenchRequest& request, const std::string& scene) {
 void run_case(const Case& one, const BenchRequest& request, Backend& backend, BenchReport& report) {
   const SceneChoice choice = choose_initial_value_scene(report.scene, one.settings);
   const Scene& scene = choice.scene;
-  const Index steps = one.steps > 0 ? one.steps : scene.default_steps;
+  const Index steps = one.steps > 0 ? one.steps : scene.steps();
   check_memory(scene, steps, 0);
   const Truth truth(scene, backend, reference_steps(steps, request.quick));
   auto list = contestants(scene, steps);

@@ -83,7 +83,7 @@ BenchReport bench_derivatives(const BenchRequest& request, Backend& backend) {
     DerivativeCheck c;
     try {
       const Scene scene = given.scene();
-      const Index steps = request.steps > 0 ? request.steps : std::min(scene.default_steps, most_steps);
+      const Index steps = request.steps > 0 ? request.steps : std::min(scene.steps(), most_steps);
       c = check_derivatives(scene, backend, steps, request.quick || scene.states() > large ? 1 : grids);
     } catch (const Error& unread) {
       c.reason = unread.what();

@@ -80,9 +80,9 @@ Outcome run_scene(const std::filesystem::path& path, const BenchRequest& request
   Outcome o{.name = path.stem(), .file = read_scene_file(path, request.settings), .result = {}, .samples = {}};
   const Scene& scene = o.file.scene;
   Options options;
-  options.steps = request.steps;
+  options.steps = request.steps > 0 ? request.steps : scene.steps();
   options.states = StateSelection::all;
-  check_memory(scene, request.steps > 0 ? request.steps : scene.default_steps, scene.states());
+  check_memory(scene, options.steps, scene.states());
   o.result = solve(scene, backend, options);
   const bool complete = o.result.x.rows() == o.result.y.rows() && o.result.y.rows() > 1;
   if (complete && scene.exact) compare_with_exact(o);

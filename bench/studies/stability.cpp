@@ -166,7 +166,7 @@ BenchReport bench_stability(const BenchRequest& request, Backend& backend) {
         one, [&] { return timed_solve(one, backend, options); }, request.repeats());
     Options plain;
     plain.method = Method::euler;
-    plain.steps = std::min(most_euler_steps, found.steps > 0 ? found.steps : one.scene.default_steps);
+    plain.steps = std::min(most_euler_steps, found.steps > 0 ? found.steps : one.scene.steps());
     const Found euler = run(
         one, [&] { return timed_solve(one, backend, plain); }, request.repeats());
     const std::string judged = verdict(one, found);

@@ -174,7 +174,7 @@ std::string unsuited_to_radau_steps(const Scene& scene) {
   if (!scene.free_rows.empty()) return "the scene has free rows";
   if (scene.constraints() > most_constraints) return "each length of a step has its own matrix of all constraints";
   if (scene.dynamics->modes()) return "a Kronecker sum is marched by weights";
-  const SparseMatrix B = scene.dynamics->rates_of_inputs(scene.T / double(scene.default_steps)),
+  const SparseMatrix B = scene.dynamics->rates_of_inputs(scene.T / double(scene.steps())),
                      N = scene.dynamics->outputs();
   const Eigen::SparseMatrix<double, Eigen::RowMajor> rows = N;
   const Vector M = diagonal(scene.M);

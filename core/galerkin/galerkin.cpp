@@ -301,7 +301,7 @@ bool divides_intervals(const Scene& scene, const InnerOptions& options, Index N)
 Result solve_by_galerkin(const Scene& scene, Backend& backend, const InnerOptions& options) {
   Timer total;
   Result result;
-  const Index N = options.steps > 0 ? options.steps : scene.default_steps;
+  const Index N = steps_of(scene, options);
   result.method = Method::galerkin;
   result.backend = backend.name();
   result.steps = N;

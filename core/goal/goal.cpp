@@ -137,7 +137,7 @@ class GoalSolve {
   /// the requested grid leaves.
   GridBounds limit_cells(Index first) {
     GridBounds bounds;
-    bounds.default_cells = scene_.default_steps;
+    bounds.default_cells = scene_.steps();
     bounds.breaks = grid_breaks();
     const double limit = options_.memory_limit;
     if (!(limit > 0)) return bounds;

@@ -86,6 +86,10 @@ TimeFunction from(double t, const TimeFunction& source) {
 Index Scene::states() const { return bromwich::states(dynamics); }
 Index Scene::constraints() const { return bromwich::constraints(dynamics); }
 
+Index Scene::steps() const {
+  constexpr Index otherwise = 400;
+  return default_steps > 0 ? default_steps : otherwise;
+}
 Index Scene::sources() const {
   if (f_entry == SourceEntry::through_F) return F.cols();
   return f_entry == SourceEntry::through_B ? constraints() : states();
@@ -126,7 +130,9 @@ void Scene::validate() const {
     validate_x0(x0);
   validate_free_rows(free_rows, n);
   require_positive("T", T);
-  if (default_steps < 1) throw Error("default_steps", "is " + std::to_string(default_steps), "give 1 or more");
+  if (default_steps < 0) throw Error("default_steps", "is " + std::to_string(default_steps), "give 1 or more");
+  if (!(default_tolerance >= 0 && default_tolerance < 1))
+    throw Error("default_tolerance", "is " + std::to_string(default_tolerance), "give a number between 0 and 1");
   if (f_entry == SourceEntry::through_F) {
     if (F.rows() != m)
       throw Error("F", "has " + std::to_string(F.rows()) + " rows", "give " + std::to_string(m) + ", one per state");

@@ -44,7 +44,7 @@ SharedMemory& shared_memory_of(Backend& backend) {
 ArraySolver::ArraySolver(Scene scene, Backend& backend, Options options)
     : scene_(without_sources(std::move(scene))), backend_(backend), options_(std::move(options)) {
   shared_memory_of(backend_);
-  const Index J = options_.steps > 0 ? options_.steps : scene_.default_steps, n = scene_.constraints();
+  const Index J = steps_of(scene_, options_), n = scene_.constraints();
   problem_ = std::make_unique<DiscreteProblem>(discretise(scene_, backend_, J, false));
   operator_ = make_time_operator(*problem_);
   operator_->keep_prepared();

@@ -68,7 +68,7 @@ EventSolution integrate_scene(const Scene& scene, const InnerOptions& options, L
   o.most_work = most_work;
   o.interrupted = options.interrupted;
   if (options.progress) {
-    const Index rows = options.steps > 0 ? options.steps : scene.default_steps;
+    const Index rows = steps_of(scene, options);
     o.progress = [&scene, &options, rows](double t) { options.progress({Index(t / scene.T * double(rows)), 0, rows}); };
   }
   return integrate_with_events(scene, lcp_class, scene.breakpoints, o);
@@ -88,9 +88,8 @@ class EventControl {
         components_(recorded_components(scene, options)) {}
 
   Result run() {
-    const Index J = options_.steps > 0 ? options_.steps : scene_.default_steps;
-    rows_.emplace(scene_, backend_,
-                  chooses_grid() ? std::min(std::max(J, scene_.default_steps), options_.max_steps) : J);
+    const Index J = steps_of(scene_, options_);
+    rows_.emplace(scene_, backend_, chooses_grid() ? std::min(std::max(J, scene_.steps()), options_.max_steps) : J);
     if (rows_->start() == Start::none) {
       Result r = rows_->at_zero();
       rows_->fill({}, components_, options_.trace, r);
@@ -112,7 +111,7 @@ class EventControl {
       if (tolerances_.size() == 2) choose_grid(fine);
       compare(coarse, fine);
       if (std::max(of_y_, of_x_) <= agreed * tolerance_ || tolerances_.back() <= finest_tolerance)
-        return finished(coarse);
+        return finished(fine);
       coarse = std::move(fine);
     }
   }
@@ -136,7 +135,7 @@ class EventControl {
     if (!coarse.complete) return ended_early(failed);
     choose_grid(known);
     compare(coarse, known);
-    return std::max(of_y_, of_x_) <= agreed * tolerance_ ? finished(coarse) : ended_early(failed);
+    return std::max(of_y_, of_x_) <= agreed * tolerance_ ? finished(known) : ended_early(failed);
   }
 
   void look_at_sizes(const EventSolution& s) {
@@ -157,7 +156,7 @@ class EventControl {
     }
   }
 
-  // The error of the less accurate solution, which is the one that is returned: in of_y_ and of_x_.
+  // The error of the less accurate solution, in of_y_ and of_x_; the other one is returned.
   void compare(const EventSolution& coarse, const EventSolution& fine) {
     Result a, b;
     rows_->fill(coarse, components_, false, a);

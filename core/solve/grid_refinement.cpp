@@ -25,7 +25,7 @@ constexpr Index patience_with_failures = 16;  ///< times the scene's steps: belo
 // As many steps as breakpoints, at least: with fewer, grids may look at all periods of a source in the same phases.
 Index first_grid(const Scene& scene, const Options& options) {
   const Index jumps = std::min(Index(scene.breakpoints.size()), options.max_steps / 2);
-  Index J = options.steps > 0 ? options.steps : scene.default_steps;
+  Index J = steps_of(scene, options);
   while (options.steps == 0 && J % 2 == 0 && J / 2 >= std::max(fewest_steps, jumps)) J /= 2;
   while (J < jumps) J *= 2;
   return J;
@@ -49,7 +49,7 @@ GridRefinement::GridRefinement(const Scene& scene, Backend& backend, const Inner
       solve_(solve),
       goal_(options),
       sizes_(sizes_for(scene, options)),
-      expected_(std::max({options.steps, scene.default_steps, Index(scene.breakpoints.size())})),
+      expected_(std::max({options.steps, scene.steps(), Index(scene.breakpoints.size())})),
       tried_reference_(!measures),
       share_(algebraic_share),
       last_change_(options.iteration_tolerance) {}

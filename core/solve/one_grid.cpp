@@ -266,7 +266,7 @@ Result solve_on_one_grid(const Scene& scene, Backend& backend, const InnerOption
   Timer total;
   Result result;
   result.method = options.method;
-  const Index J = options.steps > 0 ? options.steps : scene.default_steps;
+  const Index J = steps_of(scene, options);
   if (const RowMatrix* y = options.tuning.first_iterate; y && (y->rows() != J + 1 || y->cols() != scene.constraints()))
     throw Error("first_iterate", "found " + std::to_string(y->rows()) + " x " + std::to_string(y->cols()),
                 "give one row per time point and one column per constraint");

@@ -56,7 +56,7 @@ void validate(const Scene& scene, const Options& options) {
 void validate_ranks(const Scene& scene, const Backend& backend, const Options& options) {
   const int ranks = backend.ranks();
   if (ranks == 1) return;
-  const Index steps = options.steps > 0 ? options.steps : scene.default_steps;
+  const Index steps = steps_of(scene, options);
   if (steps < ranks)
     throw Error("ranks", text("found %d for %ld steps", ranks, long(steps)), "use fewer ranks, or more steps");
   if (options.method != Method::contour && options.method != Method::multigrid && options.method != Method::dual)
@@ -108,7 +108,7 @@ Result solve(const Scene& scene, Backend& backend, const Options& options) {
   Timer timer;
   scene.validate();
   const double looked = timer.lap();
-  Result result = solve_valid(scene, backend, InnerOptions{options});
+  Result result = solve_valid(scene, backend, InnerOptions{with_defaults(options, scene)});
   result.seconds.setup += looked;
   result.seconds.total += looked;
   return result;

@@ -20,7 +20,7 @@ constexpr Index values_of_a_thread = 1 << 15;  ///< of x0: 256 KiB, a few times 
 Solver::Solver(Scene scene, Backend& backend, Options options)
     : scene_(std::move(scene)),
       backend_(backend),
-      options_(std::make_unique<InnerOptions>(InnerOptions{std::move(options)})) {
+      options_(std::make_unique<InnerOptions>(InnerOptions{with_defaults(std::move(options), scene_)})) {
   scene_.validate();
   scene_.dynamics = Dynamics(scene_.dynamics);  // whose values nobody else can change
   options_->prepared = std::make_shared<Prepared>();

@@ -100,7 +100,7 @@ void note_fast_g(const Scene& scene, Result& result) {
 }
 
 Result by_galerkin(const Scene& scene, Backend& backend, const InnerOptions& options, const Solve& solve) {
-  const Index J = options.steps > 0 ? options.steps : scene.default_steps;
+  const Index J = steps_of(scene, options);
   const Cost cost = refuse_what_does_not_fit(scene, options, J, Index(recorded_components(scene, options).size()));
   InnerOptions one = options;
   const bool judged = !options.compares_grids && Methods::has_small_dense_state(scene);  // by all states

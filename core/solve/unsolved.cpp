@@ -11,7 +11,7 @@ Result unsolved(const Scene& scene, const Backend& backend, const Options& optio
   result.reason = why;
   result.method = options.method;
   result.backend = backend.name();
-  result.steps = options.steps > 0 ? options.steps : scene.default_steps;
+  result.steps = steps_of(scene, options);
   result.t = Vector::LinSpaced(result.steps + 1, 0, scene.T);
   result.x_components = recorded_components(scene, options);
   result.y = RowMatrix::Constant(result.steps + 1, scene.constraints(), NAN);

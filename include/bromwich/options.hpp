@@ -83,7 +83,8 @@ struct Progress {
 
 struct Options {
   Method method = Method::automatic;
-  /// Time steps J; 0 = the scene's default. With a tolerance those of the first grid.
+  /// Time steps J, with a tolerance those of the first grid. 0: those of the scene, or chosen; where neither steps nor
+  /// a tolerance are given, the tolerance of the scene, or 1e-3 where it states no steps either.
   Index steps = 0;
 
   /// Error to reach by refining the grid, 0 = one grid: that of component i is at most

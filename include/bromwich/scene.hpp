@@ -67,7 +67,9 @@ struct Scene {
   /// k for a scene made by relay_scene: y = (s, y+) has 2k components, relay i is at lambda_i = 1 - 2 y_i. Otherwise 0.
   Index relays = 0;
   double T = 1;
-  Index default_steps = 400;
+  /// Of a solve that names neither steps nor a tolerance: this tolerance; 0: these steps; both 0: a tolerance of 1e-3.
+  double default_tolerance = 0;
+  Index default_steps = 0;
 
   Labels names, units;    ///< for output and messages only
   std::string time_unit;  ///< such as "s"; empty where none is given
@@ -78,6 +80,7 @@ struct Scene {
   Index states() const;       ///< m
   Index constraints() const;  ///< n
   Index sources() const;      ///< length of what `f` writes: m, n or k
+  Index steps() const;        ///< of one grid, where only the scene can say it: default_steps, or 400
 
   /// Throws Error naming the first member whose size or value is wrong (shapes, NaN, T <= 0).
   void validate() const;

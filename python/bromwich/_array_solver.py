@@ -102,7 +102,8 @@ class ArraySolver:
         backend: ``"cpu"`` for arrays of the host, ``"cuda"`` for those of a CUDA device.
         device: number of the CUDA device; None: the first one.
         threads: of the host; 0: all cores.
-        steps, iteration_tol, max_iterations: as in :func:`solve`.
+        steps: None: those of the scene, or 400.
+        iteration_tol, max_iterations: as in :func:`solve`.
 
     Raises:
         Error: for boundary values, free rows, and scenes without a kernel for the functional iteration, where y jumps.
@@ -133,6 +134,7 @@ class ArraySolver:
             iteration_tol=iteration_tol,
             max_iterations=max_iterations,
             states="none",
+            one_grid=True,
         )
         self._scene, self._iteration_tolerance = scene, options.iteration_tolerance
         self._prepared = _core.PreparedArrays(scene._model, options, wanted(backend, device, threads))

@@ -140,7 +140,9 @@ def solve_batch(
             them, in a tuple ``("each", [...])``); or shared, as :class:`Scene` takes it.
         times: of the rows, increasing from 0 to T (scenes with another T: at the same parts of it); the time points of
             the grid without. Needed with ``tol``, where grids differ from scene to scene.
-        backend, device, threads, progress, stop, method, steps, tol, states, iteration_tol, max_iterations, memory_limit:
+        steps: J, one for all scenes, whose steps are taken side by side; None: those of the first scene, or 400, and with
+            ``times`` but without ``tol`` each scene is solved as :func:`solve` does it, to 1e-3.
+        backend, device, threads, progress, stop, method, tol, states, iteration_tol, max_iterations, memory_limit:
             as :func:`solve` takes them. ``progress`` counts scenes.
         ranks: a communicator of mpi4py, whose ranks call ``solve_batch`` together with the same arguments: scene k goes to
             rank k modulo their number, and all get the whole result.
@@ -172,6 +174,7 @@ def solve_batch(
         iteration_tol=iteration_tol,
         max_iterations=max_iterations,
         memory_limit=memory_limit,
+        one_grid=times is None,
     )
     rows = [] if times is None else np.ravel(np.asarray(times, dtype=float)).tolist()
     data = (models, count, axes, x0, f, g) if shared is None else _share(shared, models, count, axes, x0, f, g)

@@ -11,7 +11,7 @@ import numpy as np
 
 # `library`, `read`, `read_checkpoint` and `write_checkpoint` are for the compiled part.
 from ._hdf5_file import Facts, HdfFile, Refused, append, chunk_rows, flush_rows, library
-from ._hdf5_reading import SECOND, read, read_checkpoint, write_checkpoint
+from ._hdf5_reading import SECOND, read, read_checkpoint, read_sweep, write_checkpoint
 
 MEANINGS = {
     "t": "time",

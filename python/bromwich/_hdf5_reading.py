@@ -28,6 +28,27 @@ def read(name: str) -> dict[str, Any]:
         return {**found, "facts": facts}
 
 
+def read_sweep(name: str) -> dict[str, Any] | None:
+    """The table of a sweep: ``parameters``, ``columns`` and ``status``, texts, and ``swept`` and ``values``, a row for each
+    scene; of each component its value in the last row, and its largest size. None for another file."""
+    with _reading(name) as file:
+        if not all(key in file for key in ("scene", "y", "status")):
+            return None
+        parameters = str(file["y"].attrs["coordinates"]).split()
+        columns, values = [], []
+        for key, names in (("y", "constraint_name"), ("x", "state_name")):
+            for k, one in enumerate(file[names].asstr()[()] if key in file else ()):
+                columns += [f"{one}(T)", f"max|{one}|"]
+                values += [file[key][:, -1, k], np.array([np.abs(scene[:, k]).max() for scene in file[key]])]
+        return {
+            "parameters": parameters,
+            "columns": columns,
+            "status": list(file["status"].asstr()[()]),
+            "swept": np.array([file[key][()] for key in parameters], dtype=np.float64).T,
+            "values": np.array(values, dtype=np.float64).T,
+        }
+
+
 @contextlib.contextmanager
 def _reading(name: str) -> Iterator[Any]:
     if not os.path.isfile(name):

@@ -136,7 +136,7 @@ def solve_nonlinear(
             all time points with the states of the last sweep. ``"auto"``: march for dense scenes, otherwise iteration.
         inner: the method of the linear solves of ``iteration`` and ``newton``: ``"march"``, ``"contour"``, ``"multigrid"``
             or ``"auto"``.
-        steps: J; with ``tol`` of the first grid.
+        steps: J; with ``tol`` of the first grid. Without both: as :func:`solve`.
         tol: halve the steps until the error of x and y, of the mean of y over [0, t] where it may jump, is estimated below tol
             times the largest value of each component.
         max_steps: with ``tol``.
@@ -164,8 +164,6 @@ def solve_nonlinear(
                 raise Error(f"{name}: is given with a scene file, which states it; leave it out", name)
         model, terms, facts = _core.read_nonlinear(os.fspath(scene), {k: number(v, k) for k, v in arguments.items()})
         scene = Scene._of(model, facts["parameters"], {"description": facts["description"], "warning": facts["warning"]})
-        if steps is tol is None:
-            tol = facts["tolerance"]
     else:
         known(arguments, solve_nonlinear)
         scene = stated(scene, steps, arguments)

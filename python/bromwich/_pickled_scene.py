@@ -17,7 +17,8 @@ def restored(
 ) -> Any:
     """A scene of arrays, from the state that ``Scene.__reduce__`` has pickled."""
     model = _core.Model.empty()
-    model.name, model.T, model.steps, model.free_rows = (state[k] for k in ("name", "T", "steps", "free_rows"))
+    for key in ("name", "T", "steps", "tolerance", "free_rows"):
+        setattr(model, key, state[key])
     for key in ("dynamics", "M"):
         setter, *arguments = state[key]
         getattr(model, setter)(*arguments)

@@ -43,7 +43,8 @@ class Scene:
         lcp_class: ``"auto"``, ``"P"``, ``"Z"`` or ``"PSD"``, what is known of M.
         breakpoints: times in [0, T] at which f or g may jump or have a kink. Others are searched in functions.
         parameters: names and values for expressions.
-        steps: time steps J where a solve does not say; default 400, or those of a table.
+        steps: time steps J of a solve that names neither steps nor ``tol``; None: those of a table, and without one such a
+            solve reaches 1e-3.
         dynamics: in place of A, B, N and E: :class:`Dynamics` (callbacks) or :class:`Kronecker`.
         name: for messages.
         names: of components, ``{"x": ["v", "i"], "y": ["i_D"]}``: m for x, n for y and for w. ``states=`` takes them;
@@ -115,7 +116,7 @@ class Scene:
         f, g = on_this_host(f, "f"), on_this_host(g, "g")
         parts = self._sources(f, g)
         tables = [steps_of(f, model.sources), steps_of(g, model.constraints)]
-        model.steps = whole_number(steps, "steps") if steps is not None else max(tables) or 400
+        model.steps = whole_number(steps, "steps") if steps is not None else max(tables)
         model.set_sources(*parts, sorted(number(t, "breakpoints") for t in listed(breakpoints, "breakpoints")))
         model.validate()
         if mesh is not None:
@@ -211,7 +212,7 @@ class Scene:
         M: Any = None,
         g: Any = None,
         parameters: Mapping[str, float] | None = None,
-        steps: int = 400,
+        steps: int | None = None,
         name: str = "",
         names: Mapping[str, Iterable[str]] | None = None,
         units: Mapping[str, str | Iterable[str]] | None = None,
@@ -227,7 +228,7 @@ class Scene:
         N = np.zeros((0, A.shape[0])) if N is None else matrix(N, "N")
         n, x0 = N.shape[0], vector(x0, "x0")
         M = multiple(0.0 if M is None else M, n, "M")
-        T, steps = number(T, "T"), whole_number(steps, "steps")
+        T, steps = number(T, "T"), 0 if steps is None else whole_number(steps, "steps")
         values, given_sources = parameters_of(parameters), {"f": f, "e": e, "bound": bound, "g": g}
         given_sources = {key: on_this_host(one, key) for key, one in given_sources.items()}
         widths = {"f": A.shape[0], "e": C.shape[0], "bound": C.shape[0], "g": n}
@@ -238,7 +239,7 @@ class Scene:
         facts = {"names": names_of(model, names), "units": units_of(model, units)}
         given = {key: one.copy() for key, one in {"A": A, "B": B, "C": C, "x0": x0, "M": M, "N": N}.items()}
         given |= {"T": T, "parameters": values}
-        given |= given_sources | {"steps": steps, "name": name, "names": names, "units": units}
+        given |= given_sources | {"steps": steps or None, "name": name, "names": names, "units": units}
         return cls._of(model, values, facts, ("relay", (), given))
 
     @property
@@ -262,7 +263,7 @@ class Scene:
 
     @property
     def steps(self) -> int:
-        """Time steps J where a solve does not say."""
+        """Time steps J of a solve that names neither steps nor ``tol``; 0: such a solve reaches 1e-3, or the tol of its file."""
         return self._model.steps
 
     @property

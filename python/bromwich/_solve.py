@@ -36,6 +36,7 @@ NUMBERS: dict[str, tuple[str, Callable[[Any, str], float]]] = {
     "max_iterations": ("max_iterations", whole_number),
     "memory_limit": ("memory_limit", number),
 }
+TOLERANCES = ("tol", "tol_x", "tol_y")
 OPTIONS = frozenset({"method", "states", "event_location", "confirm", *NUMBERS})
 
 Check = bool | Literal["warn"]
@@ -95,9 +96,10 @@ def solve(
             :class:`NotSolved`, False does nothing.
         method: ``"auto"``, ``"march"``, ``"contour"``, ``"multigrid"``, ``"dual"``, ``"euler"``, ``"events"``,
             ``"shooting"``, ``"galerkin"``, ``"goal"`` or ``"contour-literal"``.
-        steps: time steps J, with a tolerance those of the first grid; None: the scene's.
+        steps: time steps J, with a tolerance those of the first grid.
         tol: refine the grid until the error of every component of y, and of the states that are recorded, is estimated
-            below tol times its largest value; where y may jump, of its mean over [0, t] (``error_estimate_of``). None: one grid.
+            below tol times its largest value; where y may jump, of its mean over [0, t] (``error_estimate_of``). Where neither steps
+            nor a tolerance is given, the scene decides; if it states none either, tol is 1e-3.
         tol_x, tol_y: the same for one kind; alone: the other one is not controlled.
         atol: error allowed besides, in the units of the scene.
         max_steps, max_seconds: where a tolerance ends refining.
@@ -130,8 +132,6 @@ def solve(
     judgement(check, progress, stop)
     shared = ranks_of(ranks, stop)
     scene = stated(scene, steps, arguments)
-    if steps is tol is tol_x is tol_y is None:
-        tol = scene._facts.get("tolerance")  # of a file
     options = _options(
         scene,
         method=method,
@@ -248,9 +248,10 @@ def _options(
     states: str | Iterable[int | str] | None = "auto",
     event_location: bool = False,
     confirm: bool = True,
+    one_grid: bool = False,
     **numbers: float | None,
 ) -> _core.Options:
-    """``numbers``: those of NUMBERS; None is that of the compiled part."""
+    """``numbers``: those of NUMBERS; None is that of the compiled part. ``one_grid``: its steps, where no tolerance is given."""
     o = _core.Options()
     word(method, "method")
     try:
@@ -263,12 +264,14 @@ def _options(
     o.confirm = bool(confirm)
     absolute = method == "goal"  # of its quantity
     given = {name: value for name, value in numbers.items() if value is not None}
-    tolerances = [_tolerance(given[name], name, absolute) for name in ("tol", "tol_x", "tol_y") if name in given]
-    if tolerances and not absolute:
-        o.iteration_tolerance = max(1e-3 * min(tolerances), o.iteration_tolerance)
     for name, value in given.items():
         attribute, kind = NUMBERS[name]
-        setattr(o, attribute, kind(value, name))
+        setattr(o, attribute, _tolerance(value, name, absolute) if name in TOLERANCES else kind(value, name))
+    if not one_grid:
+        o = o.with_defaults(scene._model)
+    tolerances = [t for t in (o.tolerance, o.tolerance_x, o.tolerance_y) if t > 0]
+    if tolerances and not absolute and "iteration_tol" not in given:
+        o.iteration_tolerance = max(1e-3 * min(tolerances), o.iteration_tolerance)
     _select_states(o, scene, states)
     return o
 
@@ -278,7 +281,7 @@ def _tolerance(value: Any, name: str, absolute: bool) -> float:
     if absolute and 0 < found < float("inf"):
         return found
     if not 0 < found < 1:
-        raise Error(f"{name}: found {value!r}; give a number between 0 and 1, or None for one grid", name)
+        raise Error(f"{name}: found {value!r}; give a number between 0 and 1", name)
     return found
 
 

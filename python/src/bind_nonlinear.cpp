@@ -48,7 +48,6 @@ nb::tuple read_nonlinear(const std::string& file, const ParameterValues& setting
   nb::dict facts;
   facts["description"] = read.file.description;
   facts["parameters"] = read.file.parameters;
-  facts["tolerance"] = read.file.tolerance;
   facts["warning"] = read.file.warning;
   return nb::make_tuple(std::make_shared<Model>(std::move(read.file.scene)),
                         std::make_shared<NonlinearTerms>(NonlinearTerms{std::move(*read.system)}), facts);

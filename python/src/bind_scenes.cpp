@@ -106,7 +106,6 @@ nb::tuple read_scene(const std::string& file, const ParameterValues& settings) {
   facts["description"] = read.description;
   facts["parameters"] = read.parameters;
   facts["states"] = read.states;
-  facts["tolerance"] = read.tolerance;
   facts["reference"] = reference_of(read.reference);
   facts["warning"] = read.warning;
   return nb::make_tuple(model, facts);
@@ -272,6 +271,9 @@ void bind_facts(Bound& model) {
       .def_prop_rw(
           "steps", [](const Model& s) { return s.scene.default_steps; },
           [](Model& s, Index v) { s.scene.default_steps = v; })
+      .def_prop_rw(
+          "tolerance", [](const Model& s) { return s.scene.default_tolerance; },
+          [](Model& s, double v) { s.scene.default_tolerance = v; })
       .def_prop_rw(
           "free_rows", [](const Model& s) { return s.scene.free_rows; },
           [](Model& s, std::vector<Index> v) { s.scene.free_rows = std::move(v); })

@@ -158,6 +158,7 @@ void bind_solving(nb::module_& m) {
       .def_rw("event_location", &Options::event_location)
       .def_rw("confirm", &Options::confirm)
       .def_rw("memory_limit", &Options::memory_limit)
+      .def("with_defaults", [](const Options& o, const Model& model) { return with_defaults(o, model.scene); })
       .def("record_no_states", [](Options& o) { select_states(o, StateSelection::none, {}); })
       .def("record_all_states", [](Options& o) { select_states(o, StateSelection::all, {}); })
       .def(

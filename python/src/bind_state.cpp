@@ -278,6 +278,7 @@ nb::dict state_of(const Model& model) {
   d["name"] = scene.name;
   d["T"] = scene.T;
   d["steps"] = scene.default_steps;
+  d["tolerance"] = scene.default_tolerance;
   d["dynamics"] = dynamics_of(model);
   d["M"] = lcp_matrix_of(scene);
   d["lcp_class"] = to_string(lcp_class_named(to_string(scene.lcp_class)).value_or(LcpClass::automatic));

@@ -42,7 +42,7 @@ bool idle(Machine& machine) {
 
 bool stays_on_host(const std::string& word, const Scene& scene, const Options& options, bool started) {
   if (word != "auto") return word == "cpu";
-  const Index steps = options.steps > 0 ? options.steps : scene.default_steps;
+  const Index steps = steps_of(scene, options);
   return !cuda_built() || !faster_on_device(cuda_traits(), cpu_traits(), scene, options.method, steps, started);
 }
 
@@ -54,7 +54,7 @@ std::shared_ptr<Machine> on_host(KeptMachines& kept, int threads, bool own) {
 }
 
 bool takes(const std::string& word, const Scene& scene, const Options& options, Index components, Backend& cuda) {
-  const Index steps = options.steps > 0 ? options.steps : scene.default_steps;
+  const Index steps = steps_of(scene, options);
   return word == "cuda" || fits_on_device(scene, options.method, steps, components, cuda.device());
 }
 

@@ -53,7 +53,7 @@ std::vector<double> facts_of(const Scene& scene, const Options& o) {
   std::vector<double> facts{double(scene.states()),
                             double(n),
                             scene.T,
-                            double(o.steps > 0 ? o.steps : scene.default_steps),
+                            double(steps_of(scene, o)),
                             double(o.method),
                             o.iteration_tolerance,
                             double(o.max_iterations),

@@ -247,6 +247,17 @@ std::unique_ptr<SweepFile> create_sweep_hdf5(const FileTarget& target, const Res
   });
 }
 
+std::optional<StoredSweep> read_sweep_hdf5(const FileTarget& target) {
+  return in_python(target, [&]() -> std::optional<StoredSweep> {
+    const nb::object file = files().attr("read_sweep")(target.path.string());
+    if (file.is_none()) return std::nullopt;
+    const nb::dict found = nb::cast<nb::dict>(file);
+    const auto words = [&](const char* name) { return nb::cast<std::vector<std::string>>(nb::object(found[name])); };
+    return StoredSweep{words("parameters"), words("columns"), words("status"), table(found, "swept"),
+                       table(found, "values")};
+  });
+}
+
 StoredResult read_hdf5(const FileTarget& target) {
   StoredResult stored = in_python(target, [&] {
     const nb::dict found = nb::cast<nb::dict>(files().attr("read")(target.path.string()));

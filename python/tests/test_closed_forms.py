@@ -1,5 +1,7 @@
 """Against solutions that are known in closed form."""
 
+import pickle
+
 import bromwich
 import numpy as np
 import pytest
@@ -59,6 +61,25 @@ def test_boundary_values():
     assert r.ok and r.method == "shooting"
     np.testing.assert_allclose(r.x[:, 0], 1 + r.t, rtol=1e-12)
     assert r.boundary_residual < 1e-12
+
+
+def test_the_default_is_an_accuracy():
+    """x' = -x + 100 cos(300 t), y = 0: 400 steps, 0.75 rad each, would err by 0.75^2/12 = 5 % of the largest x, 1/3."""
+    given = dict(A=-1, B=1, N=1, M=1, g=10, x0=0, T=1)
+    scene = bromwich.Scene(**given, f="100*cos(300*t)")
+    assert scene.steps == 0
+    results = [
+        bromwich.solve(scene),
+        bromwich.solve(**given, f=lambda t: 100 * np.cos(300 * t)),
+        bromwich.Solver(pickle.loads(pickle.dumps(scene))).solve(),
+    ]
+    for r in results:
+        assert r.ok and r.error_estimate <= 1e-3
+        exact = 100 / 90001 * (np.cos(300 * r.t) + 300 * np.sin(300 * r.t) - np.exp(-r.t))
+        assert np.abs(r.x[:, 0] - exact).max() <= 1e-3 / 3
+    assert bromwich.solve(bromwich.Scene(**given, f=1.0, steps=20)).steps == 20
+    rows = bromwich.solve_batch(scene, x0=[[0.0], [0.0]], times=[0, 0.5, 1])
+    assert np.abs(rows.x[:, -1, 0] - results[0].x[-1, 0]).max() <= 2e-3 / 3
 
 
 def test_built_in_scene_with_exact_solution():

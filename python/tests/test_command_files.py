@@ -148,6 +148,11 @@ def test_scenes_of_a_sweep(tmp_path):
         for k, y in zip(file["k"][()], file["y"][()]):
             alone = bromwich.solve(bromwich.Scene.from_toml(tmp_path / "sweep.toml", k=k), method="march", steps=50)
             np.testing.assert_allclose(y, alone.y, rtol=0, atol=1e-12)
+    run(["plot", "s.h5"], tmp_path)
+    run(["solve", "sweep.toml", "--states", "all", "--out", "s.csv"], tmp_path)
+    run(["plot", "s.csv", "--out", "table.html"], tmp_path)
+    figures = [re.findall(r"<figure.*?</figure>", (tmp_path / name).read_text(), re.DOTALL) for name in ("s.html", "table.html")]
+    assert len(figures[0]) == 4 and figures[0] == figures[1]
 
 
 @pytest.mark.parametrize("name", ["k.h5", "k.vtkhdf"])

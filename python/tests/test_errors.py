@@ -151,7 +151,7 @@ def test_misspelt_argument(diode):
 
 def test_does_not_fit(diode):
     with pytest.raises(bromwich.DoesNotFit) as caught:
-        bromwich.solve(**diode, memory_limit=10)
+        bromwich.solve(**diode, steps=400, memory_limit=10)
     assert isinstance(caught.value, MemoryError) and isinstance(caught.value, bromwich.Error)
 
 

@@ -101,7 +101,7 @@ TEST_F(Cli, CheckSaysWhatASolveDoes) {
 
 TEST_F(Cli, CheckKnowsTheMethodAndItsMemory) {
   for (const char* name : {"template", "diode-bridge", "relay-sliding", "elastic-bar", "bottlenecks"}) {
-    const std::string scene = std::string(BROMWICH_EXAMPLES "/") + name + ".toml --json --states all";
+    const std::string scene = std::string(BROMWICH_EXAMPLES "/") + name + ".toml --json --states all --steps 2000";
     const Json solved = Json::parse(run("solve " + scene + " --threads 1").out);
     const Outcome checked = run("check " + scene);
     ASSERT_EQ(checked.exit_code, 0) << checked.err;

@@ -130,6 +130,41 @@ TEST_F(CliSweep, PlotDrawsMapsAndCurves) {
   EXPECT_TRUE(contains(read(path("r.html")), "x0(T) over R"));
 }
 
+// The page of the arrays of all scenes is that of the table of the same scenes, whose numbers have all digits.
+TEST_F(CliSweep, PlotOfHdf5IsThatOfTheTable) {
+  std::string regular = swept;
+  regular.replace(regular.find("0.5, 0, 2"), 9, "0.5, 1, 2");
+  write("s.toml", regular);
+  ASSERT_EQ(run("solve s.toml --out s.csv").exit_code, 0);
+  const Outcome arrays = run("solve s.toml --out s.h5");
+  if (contains(arrays.err, "needs HDF5")) GTEST_SKIP() << "this build has no HDF5";
+  ASSERT_EQ(arrays.exit_code, 0) << arrays.err;
+  ASSERT_EQ(run("plot s.csv --out csv.html").exit_code, 0);
+  ASSERT_EQ(run("plot s.h5 --out h5.html").exit_code, 0);
+  const auto pictures = [&](const std::string& name) {
+    const std::string page = read(path(name));
+    return page.substr(page.find("<figure"), page.find("<footer") - page.find("<figure"));
+  };
+  EXPECT_EQ(pictures("csv.html"), pictures("h5.html"));
+  EXPECT_NE(read(path("h5.html")).find("6 of 6 scenes solved, over R, a."), std::string::npos);
+}
+
+// The file may name the columns of its table; --columns replaces them, and files of all time points have no use for
+// them.
+TEST_F(CliSweep, ColumnsOfTheFile) {
+  write("s.toml", swept + "columns = [\"x0\", \"mean(x0)\", \"ripple(x0, T/2, T)\"]\n");
+  ASSERT_EQ(run("solve s.toml --out s.csv").exit_code, 3);
+  ASSERT_EQ(run("solve s.toml --columns 'x0,mean(x0),ripple(x0, T/2, T)' --out other.csv").exit_code, 3);
+  EXPECT_EQ(read(path("s.csv")), read(path("other.csv")));
+  ASSERT_EQ(run("solve s.toml --columns y0 --out s.csv").exit_code, 3);
+  EXPECT_EQ(split(read(path("s.csv")), '\n').at(0), "scene,R,a,status,residual,y0(T),max|y0|,reason,warning");
+  EXPECT_EQ(run("solve s.toml --at 1 --out s.csv").exit_code, 3);
+  write("s.toml", swept + "columns = \"x0,mean(z)\"\n");
+  const Outcome refused = run("solve s.toml --out s.csv");
+  EXPECT_EQ(refused.exit_code, 2);
+  EXPECT_NE(refused.err.find("s.toml:22: sweep.columns: "), std::string::npos) << refused.err;
+}
+
 TEST_F(CliSweep, JsonCountsScenesAndSeconds) {
   write("s.toml", swept);
   const auto json = nlohmann::json::parse(run("solve s.toml --json").out);

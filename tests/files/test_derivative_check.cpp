@@ -23,7 +23,7 @@ TEST(DerivativeCheck, OfSomeExamples) {
                                    {"lq-control", "boundary"},
                                    {"fit/friction", "located"}}) {
     const Scene scene = read_scene_file(std::filesystem::path(BROMWICH_EXAMPLES) / (std::string(name) + ".toml")).scene;
-    const app::DerivativeCheck check = app::check_derivatives(scene, *backend, scene.default_steps, 3);
+    const app::DerivativeCheck check = app::check_derivatives(scene, *backend, scene.steps(), 3);
     EXPECT_EQ(check.kind, kind) << name << ": " << check.reason;
     EXPECT_GE(check.error.size(), 5u) << name;
     EXPECT_EQ(check.verdict(), app::Verdict::agrees) << name << ": " << check.largest_error();

@@ -78,7 +78,7 @@ TEST(SceneFile, ReadsAMassMatrix) {
 TEST(SceneFile, NameAndStepsHaveDefaults) {
   const SceneFile file = parse_scene(lines(small_scene), "folder/rc.toml");
   EXPECT_EQ(file.scene.name, "rc");
-  EXPECT_EQ(file.scene.default_steps, Scene{}.default_steps);
+  EXPECT_EQ(file.scene.default_steps, 0);
   EXPECT_EQ(file.states, "none");
 }
 

@@ -82,7 +82,7 @@ void expect_same(const SceneFile& a, const SceneFile& b) {
   EXPECT_EQ(p.units.y, q.units.y);
   EXPECT_EQ(bool(p.exact), bool(q.exact));
   EXPECT_EQ(a.parameters, b.parameters);
-  EXPECT_EQ(a.tolerance, b.tolerance);
+  EXPECT_EQ(a.scene.default_tolerance, b.scene.default_tolerance);
   EXPECT_EQ(a.states, b.states);
   EXPECT_EQ(a.warning, b.warning);
   EXPECT_EQ(a.reference.has_value(), b.reference.has_value());

@@ -104,10 +104,13 @@ TEST(SceneSections, DefinitionsAreUsableInSources) {
 }
 
 TEST(SceneSections, TimeMayStateATolerance) {
-  EXPECT_EQ(parse_sections(two_states).tolerance, 1e-3);  // neither steps nor a tolerance
-  EXPECT_FALSE(parse_sections(two_states + "steps = 7\n").tolerance);
-  EXPECT_EQ(parse_sections(two_states + "steps = 7\ntol = 1e-5\n").tolerance, 1e-5);
-  EXPECT_EQ(parse_sections(two_states + "tolerance = \"1/1000\"\n").tolerance, 1e-3);
+  const auto tolerance = [](const std::string& lines) {
+    return default_tolerance(parse_sections(two_states + lines).scene);
+  };
+  EXPECT_EQ(tolerance(""), 1e-3);  // neither steps nor a tolerance
+  EXPECT_EQ(tolerance("steps = 7\n"), 0);
+  EXPECT_EQ(tolerance("steps = 7\ntol = 1e-5\n"), 1e-5);
+  EXPECT_EQ(tolerance("tolerance = \"1/1000\"\n"), 1e-3);
   expect_refused_sections(
       {{two_states + "tolerance = 2\n", "my.toml:10: time.tolerance: found 2; give a number between 0 and 1"},
        {two_states + "tol = 1e-3\ntolerance = 1e-3\n", "my.toml:11: time.tolerance: is given beside tol"},

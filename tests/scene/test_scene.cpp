@@ -104,7 +104,7 @@ TEST(Scene, RejectsTimesAndSteps) {
       {"T", [](Scene& s) { s.T = -1; }},
       {"T", [](Scene& s) { s.T = NAN; }},
       {"T", [](Scene& s) { s.T = INFINITY; }},
-      {"default_steps", [](Scene& s) { s.default_steps = 0; }},
+      {"default_steps", [](Scene& s) { s.default_steps = -1; }},
   };
   expect_rejected(dense_scene(), rejections);
 }

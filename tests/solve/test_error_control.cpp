@@ -201,7 +201,7 @@ TEST(ErrorControl, AGridThatWasSolvedSurvivesAnInterruption) {
 TEST(ErrorControl, NeverEndsBelowTheStepsOfTheScene) {
   for (const char* name : {"dlcp-small", "bridge"}) {
     const Scene scene = make_scene(name);
-    EXPECT_GE(run(scene, options_to(0.5)).steps, scene.default_steps) << name;
+    EXPECT_GE(run(scene, options_to(0.5)).steps, scene.steps()) << name;
   }
 }
 
@@ -214,7 +214,7 @@ TEST(ErrorControl, HoldsForLocatedEvents) {
     EXPECT_EQ(result.method, Method::events);
     ASSERT_TRUE(result.errors && result.error_estimate);
     EXPECT_LE(*result.error_estimate, tolerance);
-    EXPECT_GE(result.steps, scene.default_steps);
+    EXPECT_GE(result.steps, scene.steps());
     const double error = relative(result.y, exact_y(scene, result), 1);
     EXPECT_LE(error, tolerance);
     EXPECT_LE(error, std::max(1e-9, *result.error_estimate / least_effectivity));

@@ -179,7 +179,7 @@ TEST(Scaling, Examples) {
     if (scene.constraints() == 0) continue;
     // A class of M stated in a file holds in its own units; here the solver must detect it in others.
     if (scene.lcp_class == LcpClass::PSD) scene.lcp_class = LcpClass::automatic;
-    const Index steps = std::min<Index>(scene.default_steps, 400);
+    const Index steps = std::min<Index>(scene.steps(), 400);
     compared += expect_same(scene, any_units(scene, 7, 6, 6), Method::automatic, steps) == Compared::same;
   }
   EXPECT_GE(compared, 22);

@@ -29,7 +29,7 @@ TEST(ErrorControl, SaysBeforeThatNoGridWillDo) {
   const Result result = run(scene, options_to(1e-9, Method::euler));
   EXPECT_EQ(result.status, Status::tolerance_not_met);
   EXPECT_NE(result.reason.find("steps would be needed"), std::string::npos) << result.reason;
-  EXPECT_LE(result.steps, 32 * scene.default_steps);  // as soon as the order is regular
+  EXPECT_LE(result.steps, 32 * scene.steps());  // as soon as the order is regular
   ASSERT_TRUE(result.error_estimate);
   EXPECT_LE(*result.error_estimate, largest_effectivity * true_error(scene, result));
 }
@@ -44,7 +44,7 @@ TEST(ErrorControl, GivesUpSourcesThatNoGridResolves) {
   const Result result = run(scene, options_to(1e-3, Method::march));
   EXPECT_EQ(result.status, Status::tolerance_not_met);
   EXPECT_NE(result.reason.find("no grid of"), std::string::npos) << result.reason;
-  EXPECT_LE(result.steps, scene.default_steps);
+  EXPECT_LE(result.steps, scene.steps());
 }
 
 // Two ideal diodes, one in each direction, hold a node at 0 V, and the capacitor that it charges through a resistor

@@ -29,7 +29,7 @@ TEST_F(ErrorControlOfExamples, WithoutASolutionEndAsInfeasible) {
   const Scene scene = read("fold");
   const Result later = run(scene, options_to(1e-4));
   EXPECT_EQ(later.status, Status::infeasible) << later.reason;
-  EXPECT_GE(later.steps, scene.default_steps);
+  EXPECT_GE(later.steps, scene.steps());
 }
 
 TEST_F(ErrorControlOfExamples, OfDiscontinuousYControlYWhereItConverges) {
@@ -70,7 +70,7 @@ TEST_F(ErrorControlOfExamples, AreNotSolvedByChance) {
     const Result result = run(scene, options);
     ASSERT_EQ(result.status, Status::solved) << result.reason;
     EXPECT_TRUE(result.errors->of_integral) << "y jumps";
-    EXPECT_GE(result.steps, scene.default_steps) << "a coarse grid does not show what jumps";
+    EXPECT_GE(result.steps, scene.steps()) << "a coarse grid does not show what jumps";
   }
 }
 

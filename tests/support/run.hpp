@@ -40,9 +40,10 @@ inline Options marched(Index steps) {
   return options;
 }
 
-/// One CPU thread.
-inline Result run(const Scene& scene, const Options& options) {
+/// One CPU thread. On one grid, where neither steps nor a tolerance is given.
+inline Result run(const Scene& scene, Options options) {
   const auto backend = make_cpu_backend(1);
+  if (!controls_error(options) && controls_error(with_defaults(options, scene))) options.steps = scene.steps();
   return solve(scene, *backend, options);
 }
 
