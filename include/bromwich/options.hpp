@@ -19,7 +19,7 @@ enum class Method {
   march,            ///< time stepping: exponential with piecewise-linear y, or Radau IIA
   euler,            ///< implicit Euler (1.3)-(1.4)
   events,           ///< event-driven: collocation of high order between located switches
-  shooting,         ///< boundary values by Newton's method on x(0) with located events
+  shooting,         ///< Newton's method: on x(0) for boundary values, over chunks of time for initial values
   galerkin,         ///< exponential Galerkin, all intervals at once: boundary values and mixed problems
   goal,             ///< a time grid adapted to a quantity of interest
 };

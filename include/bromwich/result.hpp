@@ -102,7 +102,7 @@ struct Solution {
   RowMatrix x;                       ///< (J+1) x requested components of the state
   std::vector<Index> x_components;   ///< their indices
   RowMatrix trace;                   ///< (J+1) x n, N x if requested; w = trace + M y + g
-  Vector start;                      ///< m, method shooting: x(0)
+  Vector start;                      ///< m, method shooting with a boundary condition: x(0)
   bool continuous = true;            ///< y is linear between its rows; false: it may jump from step to step
   bool starts_with_impulse = false;  ///< x0 violates the constraints: the state jumps at t = 0, y_0 is an impulse
   /// Steps that were divided into parts, for states computed afterwards; null if none.
