@@ -53,12 +53,13 @@ Vector larger(const Vector& before, const Matrix& c) {
 // d^k/dt^k of polynomials on a step of length h. Within a short step it may be rounding of the values, and is zero
 // then.
 Matrix derivative(const Matrix& values, int k, double h) {
-  const Matrix& D = Collocation::get().derivative;
+  static const Matrix& D = Collocation::get().derivative;
+  static const double steepest = D.cwiseAbs().colwise().sum().maxCoeff();
   Matrix c = values;
   double grown = 64 * epsilon;
   for (int i = 0; i < k; ++i) {
     c = (D * c / h).eval();
-    grown *= D.cwiseAbs().colwise().sum().maxCoeff() / h;
+    grown *= steepest / h;
   }
   for (Index i = 0; i < c.cols(); ++i)
     if (c.col(i).cwiseAbs().sum() <= grown * values.col(i).cwiseAbs().sum()) c.col(i).setZero();

@@ -3,9 +3,8 @@
 //
 // The steps of a march are divided into C chunks. Unknown are the states s_c before the chunks, s_0 is given. A pass
 //
-//   1. marches every chunk from its s_c, all side by side: to the end e_c, with the derivative D_c = de_c/ds_c, which
-//   is
-//      the product of the derivatives of its steps with their active sets held;
+//   1. marches every chunk from its s_c, all side by side: to the end e_c, with the derivative D_c = de_c/ds_c, the
+//      product of the derivatives of its steps with their active sets held;
 //   2. corrects the states by a scan of affine maps,
 //
 //          delta_{c+1} = (e_c - s_{c+1}) + D_c delta_c,   delta_0 = 0,   s_c <- s_c + delta_c.
