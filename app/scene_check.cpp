@@ -30,7 +30,7 @@ namespace {
 // Of one core, within a factor of ten: multiplications, and what a step costs however small it is.
 constexpr double operations_per_second = 1e9;
 constexpr double seconds_of_step = 5e-7, seconds_of_stages = 1.5e-5;  ///< stages: where M leaves y to the dynamics
-constexpr Index smallest_sparse = 512;  ///< below, solves write sparse dynamics out (core/solve/stages.cpp)
+constexpr Index smallest_sparse = 512;  ///< below, solves write sparse dynamics out (core/solve/reductions.cpp)
 constexpr double large_growth = 1e6;    ///< of a free state over [0, T]
 
 std::string counted(std::size_t count, const char* noun) {
@@ -99,7 +99,7 @@ void look_at_sources(const Scene& scene, Index J, SceneCheck& check) {
                     steps.unresolved, J, steps.time));
 }
 
-/// Methods by the rules of core/solve/stages.cpp, with a refusal where none applies.
+/// Methods by the rules of core/solve/engines.cpp, with a refusal where none applies.
 std::vector<Method> methods_of(const Scene& given, const Scene& scene, const BackendTraits& traits,
                                const Options& options, Index J, std::string& refusal) {
   const bool singular = !given.boundary && !given.free_rows.empty() && !can_eliminate_free(given);

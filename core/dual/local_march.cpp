@@ -1,5 +1,6 @@
 #include "core/dual/local_march.hpp"
 
+#include "core/base/interruption.hpp"
 #include "core/base/text.hpp"
 #include "core/base/timer.hpp"
 #include "core/dual/dual_operator.hpp"
@@ -195,8 +196,7 @@ class LocalMarch final : public PreparedMethod {
     result.iterations = 1;
     result.well_posed = step.well_posed();
     for (Index j = 1; j <= J; ++j) {
-      if (options.interrupted && options.interrupted())
-        return stop(j, Status::interrupted, "stopped on request", result);
+      if (options.interrupted && options.interrupted()) return stop(j, Status::interrupted, why_interrupted(), result);
       Vector known(2 * n);
       for (int a = 0; a < 2; ++a) {
         known.segment(a * n, n) = (radau_inverse_ones[a] / p_.h) * x;

@@ -21,7 +21,8 @@ namespace bromwich {
 
 namespace {
 
-constexpr Index largest_dense = 512;  ///< sparse scenes of up to so many states are written out (core/solve/stages.cpp)
+constexpr Index largest_dense =
+    512;  ///< sparse scenes of up to so many states are written out (core/solve/reductions.cpp)
 constexpr Index most_products = 4096;  ///< points of a direction with a matrix of modes, which takes 128 MiB then
 constexpr double most_oblique = 1e3;   ///< of the factors of a symmetric form: three of sixteen digits
 

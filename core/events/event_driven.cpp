@@ -1,5 +1,6 @@
 #include "core/events/event_driven.hpp"
 
+#include "core/base/interruption.hpp"
 #include "core/base/text.hpp"
 #include "core/events/event_step.hpp"
 #include "core/events/short_steps.hpp"
@@ -240,7 +241,7 @@ class EventIntegration {
     if (step % 64 == 0 && options_.progress) options_.progress(at_.t);
     if (!options_.interrupted || !options_.interrupted()) return true;
     solution_.interrupted = true;
-    return give_up("stopped on request");
+    return give_up(why_interrupted());
   }
 
   bool run_segment() {

@@ -1,3 +1,4 @@
+#include "core/base/interruption.hpp"
 #include "core/base/text.hpp"
 #include "core/base/timer.hpp"
 #include "core/galerkin/recurrence.hpp"
@@ -11,7 +12,7 @@ namespace bromwich {
 bool asked_to_stop(const Options& options, GalerkinSolution& s) {
   if (!options.interrupted || !options.interrupted()) return false;
   s.status = Status::interrupted;
-  s.reason = "stopped on request";
+  s.reason = why_interrupted();
   return true;
 }
 

@@ -1,3 +1,4 @@
+#include "core/base/interruption.hpp"
 #include "core/base/text.hpp"
 #include "core/galerkin/recurrence.hpp"
 #include "core/galerkin/solvers.hpp"
@@ -14,7 +15,7 @@ void explain_stop(const GalerkinProblem& p, Index first, const MarchReport& repo
   s.status = Status::tolerance_not_met;
   if (report.interrupted) {
     s.status = Status::interrupted;
-    s.reason = "stopped on request " + where;
+    s.reason = why_interrupted() + " " + where;
   } else if (!report.finite) {
     s.status = Status::nonfinite;
     s.reason = "the solution is not finite " + where;

@@ -1,5 +1,6 @@
 #include "core/iteration/functional_iteration.hpp"
 
+#include "core/base/interruption.hpp"
 #include "core/base/text.hpp"
 #include "core/base/timer.hpp"
 #include "core/iteration/sweep_forecast.hpp"
@@ -190,7 +191,7 @@ IterationOutcome iterate(const DiscreteProblem& p, const Options& options, const
     return outcome;
   };
   while (result.iterations < options.max_iterations) {
-    if (options.interrupted && options.interrupted()) return ended({Status::interrupted, "stopped on request", -1});
+    if (options.interrupted && options.interrupted()) return ended({Status::interrupted, why_interrupted(), -1});
     LcpReport report;
     if (sweep) {
       sweep();

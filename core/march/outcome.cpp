@@ -1,5 +1,6 @@
 #include "core/march/outcome.hpp"
 
+#include "core/base/interruption.hpp"
 #include "core/base/text.hpp"
 #include "core/lcp/active_set.hpp"
 #include "core/lcp/entries.hpp"
@@ -121,7 +122,7 @@ void explain_stop(const DiscreteProblem& p, const MarchReport& report, Result& r
   const std::string where = text("t = %.6g", p.t[report.stopped]);
   if (report.interrupted) {
     result.status = Status::interrupted;
-    result.reason = "stopped on request at " + where;
+    result.reason = why_interrupted() + " at " + where;
   } else if (!report.finite) {
     result.status = Status::nonfinite;
     result.reason = "the solution is not finite at " + where;

@@ -1,5 +1,6 @@
 #include "core/multigrid/multigrid.hpp"
 
+#include "core/base/interruption.hpp"
 #include "core/base/text.hpp"
 #include "core/multigrid/cycle_watch.hpp"
 
@@ -47,7 +48,7 @@ void Multigrid::nest(const Vector& y0) {
   std::size_t last = levels_.size();
   for (std::size_t l = last; l-- > 0 && !cycle_.failure();) {
     if (left_out_of_start(l)) continue;
-    if (options_->interrupted && options_->interrupted()) cycle_.stop({Status::interrupted, "stopped on request"});
+    if (options_->interrupted && options_->interrupted()) cycle_.stop({Status::interrupted, why_interrupted()});
     start_on(l, last, y0);
     if (l > 0 || levels_.size() == 1) nest_on(l);
     if (levels_[l].nested) backend_.inject(*levels_[l].y, *levels_[l].nested);
@@ -101,7 +102,7 @@ IterationOutcome Multigrid::iterate() {
   const double assumed = !smoothing ? assumed_without_symbol : on_face ? assumed_on_faces : assumed_contraction;
   CycleWatch watch(options_->iteration_tolerance, useful_ ? assumed : INFINITY);
   while (!cycle_.failure()) {
-    if (options_->interrupted && options_->interrupted()) return {Status::interrupted, "stopped on request"};
+    if (options_->interrupted && options_->interrupted()) return {Status::interrupted, why_interrupted()};
     if (result_->iterations >= options_->max_iterations)
       return {Status::tolerance_not_met, text("%ld sweeps, the limit", long(result_->iterations))};
     if (useful_ && result_->cycles > 0) {

@@ -1,5 +1,6 @@
 #include "core/multigrid/v_cycle.hpp"
 
+#include "core/base/interruption.hpp"
 #include "core/base/text.hpp"
 #include "core/base/timer.hpp"
 
@@ -181,7 +182,7 @@ void VCycle::judge(const LcpReport& report) {
 void VCycle::judge(const MarchReport& report, Index steps) {
   count(report.count);
   if (report.interrupted)
-    failure_ = {Status::interrupted, "stopped on request"};
+    failure_ = {Status::interrupted, why_interrupted()};
   else if (!report.finite)
     failure_ = {Status::nonfinite, "the iterates grew beyond all bounds"};
   else if (report.stopped >= 0)

@@ -2,8 +2,10 @@
 // Method march under a tolerance: steps of their own for all parts of the time (core/adapted/tree_march.hpp), tightened
 // until two solutions on the same tree, one with all steps halved, agree.
 
+#include "../result/inner_options.hpp"
+#include "../result/result.hpp"
+#include "../scene/scene.hpp"
 #include "error_goal.hpp"
-#include "stage.hpp"
 
 #include <optional>
 

@@ -15,7 +15,7 @@ namespace bromwich {
 
 namespace {
 
-// Below this size dense matrices are faster in everything (core/solve/stages.cpp).
+// Below this size dense matrices are faster in everything (core/solve/reductions.cpp).
 constexpr Index fewest_sparse_states = 512;
 
 Scene without_sources(Scene scene) {

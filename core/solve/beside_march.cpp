@@ -15,12 +15,12 @@ Index blocks_of(Index J) {
 
 }  // namespace
 
-Result beside_march(const Scene& scene, Backend& backend, const InnerOptions& options, const Solve& solve,
-                    const Result& result, const RowMatrix& x) {
+Result beside_march(const Scene& scene, Backend& backend, const InnerOptions& options, const Result& result,
+                    const RowMatrix& x) {
   InnerOptions one = options;
   one.method = Method::march;
   one.steps = result.steps;
-  if (!scene.boundary) return solve(scene, backend, one);
+  if (!scene.boundary) return solve_on_one_grid(scene, backend, one);
   const Index blocks = blocks_of(result.steps), steps = result.steps / blocks;
   one.steps = steps;
   one.prepared = {};  // the scenes of blocks do not come back
@@ -33,7 +33,7 @@ Result beside_march(const Scene& scene, Backend& backend, const InnerOptions& op
     const Index from = k * steps;
     Scene part = part_of(scene, result.t[from], scene.T / double(blocks), x.row(from).transpose());
     part.exact = {};
-    const Result solved = solve(part, backend, one);
+    const Result solved = solve_on_one_grid(part, backend, one);
     if (solved.status != Status::solved) return solved;
     if (k == 0) whole.y.row(0) = solved.y.row(0);
     whole.y.middleRows(from + 1, steps) = solved.y.bottomRows(steps);

@@ -4,13 +4,12 @@
 // that a growing mode of the scene has little time to grow; on each block of steps both solve one initial-value
 // problem, and a contact that intervals miss shows.
 
-#include "stage.hpp"
+#include "one_grid.hpp"
 
 namespace bromwich {
 
 /// Rows of y, of its integral and of the states that the options ask for, on the grid of `result`. `x`: all states of
 /// the result, (J+1) x m, used where the scene has boundary values. If a block is not solved: its status and reason.
-Result beside_march(const Scene&, Backend&, const InnerOptions&, const Solve&, const Result& result,
-                    const RowMatrix& x);
+Result beside_march(const Scene&, Backend&, const InnerOptions&, const Result& result, const RowMatrix& x);
 
 }  // namespace bromwich

@@ -9,13 +9,12 @@
 #include "core/kernel/step_defects.hpp"
 #include "core/result/located.hpp"
 #include "core/scene/breakpoints.hpp"
-#include "core/scene/mass_matrix.hpp"
-#include "core/scene/port_hamiltonian.hpp"
 #include "core/solve/adapted_march.hpp"
+#include "core/solve/given_steps.hpp"
 #include "core/solve/located_values.hpp"
 #include "core/solve/mixed.hpp"
+#include "core/solve/reductions.hpp"
 #include "core/solve/shooting_control.hpp"
-#include "core/solve/stages.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -62,7 +61,7 @@ Matrix states_before(const Scene& scene, Backend& backend, const Result& result,
   std::vector<Index> rows;
   for (const Place& at : places) rows.push_back(at.row);
   if (Index(result.x_components.size()) == scene.states()) return result.x(rows, Eigen::all).transpose();
-  return states_at(scene, backend, result, rows);
+  return states_at_rows(discretise(scene, backend, result.steps), result.y, rows, result.defects.get());
 }
 
 // Whether y is no line between a row and the next: the active set changes there, a source jumps or has a kink, or the
@@ -99,12 +98,13 @@ Index steps_between(const Scene& scene, Method method) {
 // solved.
 bool sample_by_a_step(const Scene& scene, Backend& backend, double t, double s, const Vector& x, Index k,
                       Result& sampled) {
-  Options options;
+  InnerOptions options;
   options.method = Method::march;
   options.steps = steps_between(scene, options.method);
   options.states = StateSelection::all;
   options.trace = sampled.trace.cols() > 0;
-  const Result one = solve(part_of(scene, t, s, x), backend, options);
+  options.confirm = false;
+  const Result one = solve_on_steps(part_of(scene, t, s, x), backend, options);
   if (one.status != Status::solved || !one.continuous) return false;
   sampled.y.row(k) = one.y.row(options.steps);
   sampled.x.row(k) = one.x.row(options.steps)(sampled.x_components);
@@ -160,11 +160,12 @@ Result with_all_states(const Scene& scene, Backend& backend, const Result& resul
   if (const double bytes = sizeof(double) * double(result.steps + 1) * double(scene.states()); bytes > most_bytes)
     throw Error("times", text("the state at all time points takes %.1f GB", bytes / 1e9),
                 text("ask for multiples of T/%td, or for fewer steps", result.steps), ErrorKind::does_not_fit);
-  Options options;
+  InnerOptions options;
   options.method = result.method;
   options.steps = result.steps;
   options.states = StateSelection::all;
-  return solve(scene, backend, options);
+  options.confirm = false;
+  return solve_on_steps(scene, backend, options);
 }
 
 // The method that takes a step alone as `result` has taken it with all others.
@@ -183,9 +184,10 @@ Matrix states_by_steps(const Scene& scene, Backend& backend, const Result& resul
   Index last = 0;
   for (const Place& at : places) last = std::max(last, at.row);
   const double h = scene.T / double(result.steps);
-  Options options;
+  InnerOptions options;
   options.method = stepping(result);
   options.states = StateSelection::all;
+  options.confirm = false;
   RowMatrix x = scene.x0.transpose();
   for (Index begin = 0;;) {
     for (Index k = 0; k < states.cols(); ++k)
@@ -194,7 +196,7 @@ Matrix states_by_steps(const Scene& scene, Backend& backend, const Result& resul
     if (begin >= last || x.rows() == 0 || !x.bottomRows(1).allFinite()) return states;
     options.steps = std::min(std::max<Index>(1, most_numbers / m), last - begin);
     const Vector from = x.bottomRows(1).transpose();
-    x = solve(part_of(scene, double(begin) * h, double(options.steps) * h, from), backend, options).x;
+    x = solve_on_steps(part_of(scene, double(begin) * h, double(options.steps) * h, from), backend, options).x;
   }
 }
 
@@ -213,6 +215,7 @@ void sample_by_steps(const Scene& given, Backend& backend, const Result& result,
   options.steps = steps_between(scene, options.method);
   options.states = StateSelection::all;
   options.trace = sampled.trace.cols() > 0;
+  options.confirm = false;
   Index next = 0;
   for (Index k = 0; k < Index(places.size()); ++k) {
     check_interruption();
@@ -230,7 +233,7 @@ void sample_by_steps(const Scene& given, Backend& backend, const Result& result,
     const auto edge = std::lower_bound(scene.breakpoints.begin(), scene.breakpoints.end(), begin - h);
     const bool in_layer = edge != scene.breakpoints.end() && *edge <= begin + length;
     options.compares_grids = options.look_inside_every_step = in_layer && !scene.dynamics->small_state();
-    const Result one = solve_valid(part_of(scene, begin, length, x), backend, options);
+    const Result one = solve_on_steps(part_of(scene, begin, length, x), backend, options);
     if (one.status == Status::infeasible || one.x.rows() != options.steps + 1) continue;
     sampled.y.row(k) = one.y.row(options.steps);
     sampled.x.row(k) = one.x.row(options.steps)(result.x_components);
@@ -302,17 +305,14 @@ bool sample_located(const Scene& scene, const Result& result, const std::vector<
 }
 
 // Method march under a tolerance: it is marched once more, with rows at these times. NaN where that fails.
-void sample_own_steps(const Scene& given, const Result& result, Result& sampled) {
+void sample_own_steps(const Scene& given, const InnerOptions& reduced, const Result& result, Result& sampled) {
   std::vector<double> rows(sampled.t.begin(), sampled.t.end());
   rows.insert(rows.end(), {0.0, given.T});
   for (double& t : rows) t = std::min(t, given.T);
   std::sort(rows.begin(), rows.end());
   rows.erase(std::unique(rows.begin(), rows.end()), rows.end());
-  InnerOptions options;
+  InnerOptions options = reduced;
   options.tolerance = result.errors->tolerance;
-  options.states = StateSelection::list;
-  options.components = result.x_components;
-  options.trace = sampled.trace.cols() > 0;
   const Scene scene = with_all_breakpoints(given);
   const auto fine = march_to_tolerance(scene, options, result.steps, result,
                                        Eigen::Map<const Vector>(rows.data(), Index(rows.size())));
@@ -321,57 +321,30 @@ void sample_own_steps(const Scene& given, const Result& result, Result& sampled)
     const Index row = std::lower_bound(rows.begin(), rows.end(), std::min(sampled.t[k], scene.T)) - rows.begin();
     sampled.y.row(k) = fine->y.row(row);
     sampled.x.row(k) = fine->x.row(row);
-    if (options.trace) sampled.trace.row(k) = fine->trace.row(row);
+    if (sampled.trace.cols() > 0) sampled.trace.row(k) = fine->trace.row(row);
   }
 }
+
+Result sample_reduced(const Scene& scene, Backend& backend, const InnerOptions& options, const Result& result,
+                      const std::vector<double>& times);
 
 // The scene without free rows, from a result of all rows: x follows from y of the others, y itself is linear in all.
-Result at_times(const Scene& scene, const EliminatedScene& eliminated, Backend& backend, const Result& result,
-                const std::vector<double>& times) {
-  Result sampled = at_times(eliminated.scene, backend, eliminated.reduced(result), times);
+Result without_free_rows(const Scene& scene, const EliminatedScene& eliminated, Backend& backend,
+                         const InnerOptions& options, const Result& result, const std::vector<double>& times) {
+  Result sampled = sample_reduced(eliminated.scene, backend, options, eliminated.reduced(result), times);
   sampled.y.resize(Index(times.size()), result.y.cols());
   sampled.trace = RowMatrix::Constant(Index(times.size()), result.trace.cols(), NAN);
-  for (std::size_t k = 0; k < times.size(); ++k) {
-    const Place at = place(result, scene.T, times[k]);
-    sampled.y.row(Index(k)) = y_at(result.y, at).transpose();
-    if (at.part == 0 && result.trace.cols() > 0) sampled.trace.row(Index(k)) = result.trace.row(at.row);
-  }
+  for (std::size_t k = 0; k < times.size(); ++k)
+    sampled.y.row(Index(k)) = y_at(result.y, place(result, scene.T, times[k])).transpose();
   return sampled;
 }
 
-// Method shooting: that of method events from its x(0).
-Result of_start(const Scene& scene, Backend& backend, Result result, const std::vector<double>& times) {
-  result.method = Method::events;
-  Result sampled = at_times(from_start(scene, result), backend, result, times);
-  sampled.method = Method::shooting;
-  return sampled;
-}
-
-// The result of a simpler scene with the same y and x; empty if this scene has no simpler form.
-std::optional<Result> of_simpler_scene(const Scene& scene, Backend& backend, const Result& result,
-                                       const std::vector<double>& times) {
-  if (const auto reduced = without_mass(scene)) return at_times(*reduced, backend, result, times);
-  const bool galerkin = result.method == Method::galerkin;
-  if (scene.dynamics->has_mass() && galerkin)  // which works with dense matrices
-    return at_times(written_out(scene), backend, result, times);
-  if (scene.constraints() == 0) {
-    Result sampled = at_times(with_idle_constraint(scene), backend, with_idle_constraint(result), times);
-    sampled.y.resize(sampled.y.rows(), 0);
-    return sampled;
-  }
-  if (const auto eliminated = scene.free_rows.empty() || galerkin ? std::nullopt : eliminate_free(scene))
-    return at_times(scene, *eliminated, backend, result, times);
-  return std::nullopt;
-}
-
-}  // namespace
-
-Result at_times(const Scene& scene, Backend& backend, const Result& result, const std::vector<double>& times) {
-  if (result.goal) throw Error("result", "is of method goal", "its time points are the answer");
-  if (result.method == Method::shooting && locates_switches(result)) return of_start(scene, backend, result, times);
-  // solve() takes care of the form of the scene where its steps are solved again.
-  const bool reduces = result.method == Method::events || !by_steps(scene, result) || has_own_steps(result);
-  if (auto sampled = reduces ? of_simpler_scene(scene, backend, result, times) : std::nullopt) return *sampled;
+// Of a scene in its simplest form, solved with these options.
+Result sample_reduced(const Scene& scene, Backend& backend, const InnerOptions& options, const Result& result,
+                      const std::vector<double>& times) {
+  const bool whole = scene.free_rows.empty() || result.method == Method::galerkin || by_steps(scene, result);
+  if (const auto eliminated = whole ? std::nullopt : eliminate_free(scene))
+    return without_free_rows(scene, *eliminated, backend, options, result, times);
   std::vector<Place> places;
   for (const double t : times) places.push_back(place(result, scene.T, t));
   Result sampled = result;
@@ -382,7 +355,7 @@ Result at_times(const Scene& scene, Backend& backend, const Result& result, cons
   sampled.trace = RowMatrix::Constant(count, result.trace.cols(), NAN);
   sampled.y_integral.resize(0, 0);
   if (has_own_steps(result) && !on_grid(places)) {
-    sample_own_steps(scene, result, sampled);
+    sample_own_steps(scene, options, result, sampled);
   } else if (result.y_left.size() > 0) {
     sample_intervals(scene, backend, result, sampled);
     sampled.y_left.resize(0, 0);
@@ -392,9 +365,48 @@ Result at_times(const Scene& scene, Backend& backend, const Result& result, cons
     else
       sample(scene, backend, result, places, sampled);
   }
-  for (Index k = 0; k < count && sampled.trace.cols() > 0; ++k)
-    if (result.y_left.size() == 0 && places[std::size_t(k)].part == 0)
-      sampled.trace.row(k) = result.trace.row(places[std::size_t(k)].row);
+  return sampled;
+}
+
+// Rows at time points are those of the result, to the last digit.
+void keep_rows(const Result& result, double T, Result& sampled) {
+  for (Index k = 0; k < sampled.t.size(); ++k) {
+    Index row = -1;
+    if (result.y_left.size() > 0)
+      row = node_at(result.t, sampled.t[k]);
+    else if (const Place at = place(result, T, sampled.t[k]); at.part == 0)
+      row = at.row;
+    if (row < 0) continue;
+    sampled.y.row(k) = result.y.row(row);
+    if (result.x.rows() > row) sampled.x.row(k) = result.x.row(row);
+    if (result.trace.rows() > row) sampled.trace.row(k) = result.trace.row(row);
+  }
+}
+
+// Method shooting: that of method events from its x(0).
+Result of_start(const Scene& scene, Backend& backend, Result result, const std::vector<double>& times) {
+  result.method = Method::events;
+  Result sampled = at_times(from_start(scene, result), backend, result, times);
+  sampled.method = Method::shooting;
+  return sampled;
+}
+
+}  // namespace
+
+Result at_times(const Scene& scene, Backend& backend, const Result& result, const std::vector<double>& times) {
+  if (result.goal) throw Error("result", "is of method goal", "its time points are the answer");
+  if (result.method == Method::shooting && locates_switches(result)) return of_start(scene, backend, result, times);
+  InnerOptions options;
+  options.method = result.method;
+  options.states = StateSelection::list;
+  options.components = result.x_components;
+  options.trace = result.trace.cols() > 0;
+  const Reductions reduced(scene, options, reductions_of_scene());
+  Result known = result;
+  reduced.there(known);
+  Result sampled = sample_reduced(reduced.scene(), backend, reduced.options(), known, times);
+  reduced.back(sampled);
+  if (scene.constraints() > 0) keep_rows(result, scene.T, sampled);
   return sampled;
 }
 

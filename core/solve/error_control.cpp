@@ -46,15 +46,15 @@ std::optional<Scene> with_breakpoints(const Scene& given) {
   return scene;
 }
 
-Result by_grids(const Scene& scene, Backend& backend, const InnerOptions& options, const Solve& solve) {
-  Result result = GridRefinement(scene, backend, options, solve, options.method != Method::automatic).run();
+Result by_grids(const Scene& scene, Backend& backend, const InnerOptions& options) {
+  Result result = GridRefinement(scene, backend, options, options.method != Method::automatic).run();
   const bool failed = result.status == Status::tolerance_not_met && !result.error_estimate;
   if (options.method != Method::automatic || !failed || scene.boundary) return result;
   // No grid was solved by a method of second order.
   note(options.log, LogLevel::info, "no grid is solved by a method of second order: implicit Euler");
   InnerOptions by_euler = options;
   by_euler.method = Method::euler;
-  Result first_order = GridRefinement(scene, backend, by_euler, solve, false).run();
+  Result first_order = GridRefinement(scene, backend, by_euler, false).run();
   if (first_order.status != Status::solved) return result;
   add_warning(first_order,
               "solved by implicit Euler, of first order: the methods of second order end with: " + result.reason);
@@ -69,7 +69,7 @@ Result solve_by_events(const Scene& given, Backend& backend, const InnerOptions&
                          event_goal(options, patient_events));
 }
 
-Result solve_to_tolerance(const Scene& given, Backend& backend, const InnerOptions& asked, const Solve& solve) {
+Result solve_to_tolerance(const Scene& given, Backend& backend, const InnerOptions& asked) {
   std::optional<Scene> with = with_breakpoints(given);
   InnerOptions options = asked;
   if (!options.prepared) options.prepared = std::make_shared<Prepared>();
@@ -77,7 +77,7 @@ Result solve_to_tolerance(const Scene& given, Backend& backend, const InnerOptio
   if (!with && !options.prepared->stated) with = given;  // a copy, whose values nobody else can change
   const Scene& scene = with ? *with : given;
   if (options.method != Method::automatic || !unsuited_to_events(scene).empty())
-    return by_grids(scene, backend, options, solve);
+    return by_grids(scene, backend, options);
   const auto by_events = [&](double most_work) {
     return solve_by_events(scene, backend, options, sizes_for(scene, options), event_goal(options, most_work));
   };
@@ -87,7 +87,7 @@ Result solve_to_tolerance(const Scene& given, Backend& backend, const InnerOptio
     events = by_events(1.25 / worth_going_on * quick);
   if (events.status == Status::solved || events.status == Status::interrupted) return events;
   if (events.reason.rfind(not_unique, 0) == 0) return events;  // no grid decides which one it is
-  Result result = by_grids(scene, backend, options, solve);
+  Result result = by_grids(scene, backend, options);
   if (result.status == Status::solved && events.reason.rfind(several_solutions, 0) == 0 &&
       result.warning.find(several_solutions) == std::string::npos)
     add_warning(result, events.reason);  // grids go to one of them, and may all go to the same one

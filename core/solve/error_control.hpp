@@ -7,7 +7,7 @@
 // has. To the discretisation come the error of the weights (kernel_error |y|), that of the iteration, c/(1-c) times the
 // last change where sweeps contract by c, and rounding, carried along the solution.
 
-#include "stage.hpp"
+#include "given_steps.hpp"
 
 namespace bromwich {
 
@@ -23,7 +23,7 @@ double iteration_error(const std::vector<double>& history);
 ///
 /// Small dense scenes with initial values are first given to event-driven integration (core/solve/event_control.hpp),
 /// whose errors are far below the tolerance; grids are for other scenes, and for those that it gives up.
-Result solve_to_tolerance(const Scene&, Backend&, const InnerOptions&, const Solve&);
+Result solve_to_tolerance(const Scene&, Backend&, const InnerOptions&);
 
 /// Method events by name, to a tolerance or on one grid.
 Result solve_by_events(const Scene&, Backend&, const InnerOptions&);

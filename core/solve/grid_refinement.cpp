@@ -41,12 +41,10 @@ RowMatrix refined(const RowMatrix& y) {
 
 }  // namespace
 
-GridRefinement::GridRefinement(const Scene& scene, Backend& backend, const InnerOptions& options, const Solve& solve,
-                               bool measures)
+GridRefinement::GridRefinement(const Scene& scene, Backend& backend, const InnerOptions& options, bool measures)
     : scene_(scene),
       backend_(backend),
       options_(options),
-      solve_(solve),
       goal_(options),
       sizes_(sizes_for(scene, options)),
       expected_(std::max({options.steps, scene.steps(), Index(scene.breakpoints.size())})),
@@ -66,7 +64,7 @@ Result GridRefinement::until_stopped() {
   } catch (const Interrupted&) {  // between grids: the last one that was solved is there
     if (!solved_) throw;
     if (!solved_->errors) solved_->errors.emplace().tolerance = goal_.smallest();
-    return ended("stopped on request", Status::interrupted);
+    return ended(why_interrupted(), Status::interrupted);
   }
 }
 
@@ -171,7 +169,7 @@ Result GridRefinement::solve_on(Index J, Method method) {
   const bool looks_inside = may_look_inside() || has_rough_intervals();
   if (looks_inside) one.states = StateSelection::all;
   const double before = clock_.lap();
-  Result result = solve_(scene_, backend_, one);
+  Result result = solve_on_steps(scene_, backend_, one);
   if (looks_inside) keep_recorded(result);
   last_seconds_ = clock_.lap();
   elapsed_ += before + last_seconds_;
@@ -186,7 +184,7 @@ Result GridRefinement::blocks_by_march() {
   one.compares_grids = true;
   one.look_inside_every_step = true;
   const double before = clock_.lap();
-  Result march = beside_march(scene_, backend_, one, solve_, *solved_, all_states_);
+  Result march = beside_march(scene_, backend_, one, *solved_, all_states_);
   elapsed_ += before + clock_.lap();
   return march;
 }

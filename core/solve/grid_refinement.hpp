@@ -6,7 +6,7 @@
 #include "../base/timer.hpp"
 #include "error_goal.hpp"
 #include "event_control.hpp"
-#include "stage.hpp"
+#include "given_steps.hpp"
 
 #include <optional>
 #include <string>
@@ -21,7 +21,7 @@ inline double quick_events(const Scene& scene) { return 1e9 + 2e6 * double(scene
 class GridRefinement {
  public:
   /// `measures`: errors may be those against located events.
-  GridRefinement(const Scene& scene, Backend& backend, const InnerOptions& options, const Solve& solve, bool measures);
+  GridRefinement(const Scene& scene, Backend& backend, const InnerOptions& options, bool measures);
 
   Result run();
 
@@ -94,7 +94,6 @@ class GridRefinement {
   const Scene& scene_;
   Backend& backend_;
   const InnerOptions& options_;
-  const Solve& solve_;
   const ErrorGoal goal_;
   const ComponentSizes sizes_;
   const Index expected_;  ///< steps with which the scene is meant to be solved

@@ -4,6 +4,7 @@
 #include "core/numerics/equilibration.hpp"
 #include "core/scene/mass_matrix.hpp"
 #include "core/solve/error_goal.hpp"
+#include "core/solve/reductions.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -41,18 +42,21 @@ std::optional<Distance> apart(const Result& a, const Result& b, const ComponentS
 
 }  // namespace
 
-void add_rounding_of_mass(const Scene& scene, Backend& backend, const InnerOptions& options, const Solve& solve,
-                          Result& result) {
+void add_rounding_of_mass(const Scene& scene, Backend& backend, const InnerOptions& options, Result& result) {
+  if (!scene.dynamics->has_mass() || result.status != Status::solved || result.goal) return;
+  if (scene.dynamics->matrices() && becomes_dense(scene, options))
+    return add_rounding_of_mass(written_out(scene), backend, options, result);
   const DenseDynamics* d = scene.dynamics->small_state();
-  if (!d || result.status != Status::solved || result.goal) return;
+  if (!d) return;
   const double condition = reciprocal_condition_of(d->E);
   if (!(condition < nearly_singular_mass)) return;
   InnerOptions again = options;
   again.prepared = {};
   again.progress = {};
+  again.log = {};
   const Scene rounded = with_rounded_mass(*d, scene);
   const auto without = rounded.dynamics->has_singular_mass() ? std::nullopt : without_mass(rounded);
-  const Result other = without ? solve(*without, backend, again) : Result{};
+  const Result other = without ? solve_valid(*without, backend, again) : Result{};
   if (other.status == Status::interrupted) return;
   const ErrorGoal goal(options);
   const std::string cause = text("the mass matrix E is nearly singular (reciprocal condition %.1e): ", condition);

@@ -4,7 +4,7 @@
 // themselves, as are values of f. The scene is therefore solved again with entries of E that are changed by a few
 // roundings, and the difference of the two results is an error of both.
 
-#include "stage.hpp"
+#include "engines.hpp"
 
 namespace bromwich {
 
@@ -13,6 +13,6 @@ inline constexpr double nearly_singular_mass = 1e-8;
 
 /// Adds that error to the estimate of `result`, solved with these options, where E is dense and nearly singular. With a
 /// tolerance that it exceeds, the result is `tolerance_not_met`; on a given grid, a warning names it.
-void add_rounding_of_mass(const Scene&, Backend&, const InnerOptions&, const Solve&, Result&);
+void add_rounding_of_mass(const Scene&, Backend&, const InnerOptions&, Result&);
 
 }  // namespace bromwich

@@ -273,24 +273,18 @@ std::optional<EliminatedScene> eliminate_free(const Scene& given) {
   return e;
 }
 
-Result solve_mixed(const Scene& scene, const EliminatedScene& e, Backend& backend, const InnerOptions& options,
-                   const Solve& solve) {
-  InnerOptions inner = options;
-  inner.trace = true;
-  inner.states = StateSelection::list;
-  inner.components = with_seen(scene, options, e.seen);
-  RowMatrix first;
-  if (options.tuning.first_iterate && options.tuning.first_iterate->cols() == scene.constraints() && !e.kept.empty()) {
-    first = (*options.tuning.first_iterate)(Eigen::all, e.kept);
-    inner.tuning.first_iterate = &first;
-  }
-  Result result = solve(e.scene, backend, inner);
-  const Index C = Index(e.kept.size());
-  const RowMatrix y_C = result.y.leftCols(C), x = result.x, g = sampled(scene.g, result.t, scene.constraints());
+namespace {
+
+// The result of the scene without free rows, with the states `recorded`, as that of all rows.
+void take_all_rows(const Scene& scene, const EliminatedScene& e, const InnerOptions& options,
+                   const std::vector<Index>& recorded, Result& result) {
+  const RowMatrix y_C = result.y.leftCols(Index(e.kept.size())), x = result.x,
+                  g = sampled(scene.g, result.t, scene.constraints());
   const auto valid = [&](Index j) { return x.row(j).allFinite() && y_C.row(j).allFinite(); };
-  const RowMatrix x_seen = x(Eigen::all, positions(e.seen, inner.components));
+  const RowMatrix x_seen = x(Eigen::all, positions(e.seen, recorded));
   take_y(e, y_C, e.recover(y_C, x_seen, g(Eigen::all, e.free)), result);
-  RowMatrix trace = whole_trace(e, result.trace.leftCols(C), x_seen), sizes = RowMatrix::Zero(1, x_seen.cols());
+  RowMatrix trace = whole_trace(e, result.trace.leftCols(y_C.cols()), x_seen),
+            sizes = RowMatrix::Zero(1, x_seen.cols());
   for (Index j = 0; j < trace.rows(); ++j)
     if (valid(j))
       sizes = sizes.cwiseMax(x_seen.row(j).cwiseAbs());
@@ -300,17 +294,31 @@ Result solve_mixed(const Scene& scene, const EliminatedScene& e, Backend& backen
     result.residual = residual;
   check_all_rows(result, options);
   result.trace = options.trace ? std::move(trace) : RowMatrix();
-
-  std::vector<Index> requested = options.components;
-  if (options.states != StateSelection::list) requested.clear();
-  if (options.states == StateSelection::all) requested = with_seen(scene, options, {});
-  result.x = x(Eigen::all, positions(requested, inner.components));
-  result.x_components = requested;
+  result.x_components = recorded_components(scene, options);
+  result.x = x(Eigen::all, positions(result.x_components, recorded));
   const Vector rounding_F = rounding_of_free(e, result, sizes);
   result.rounding_of_y = std::max(result.rounding_of_y, rounding_F.maxCoeff());
   check_digits(result.y(Eigen::all, e.free), rounding_F.maxCoeff(), result);
   result.kernel += "; free rows eliminated";
-  return result;
+}
+
+}  // namespace
+
+Reduction without_free_rows(const Scene& scene, const std::shared_ptr<const EliminatedScene>& eliminated,
+                            const InnerOptions& options) {
+  const EliminatedScene& e = *eliminated;
+  Reduction made{e.scene, options};
+  made.options.trace = true;
+  made.options.states = StateSelection::list;
+  made.options.components = with_seen(scene, options, e.seen);
+  if (options.tuning.first_iterate && options.tuning.first_iterate->cols() == scene.constraints() && !e.kept.empty()) {
+    made.first_iterate = std::make_shared<RowMatrix>((*options.tuning.first_iterate)(Eigen::all, e.kept));
+    made.options.tuning.first_iterate = made.first_iterate.get();
+  }
+  made.finish = [&scene, eliminated, &options, recorded = made.options.components](Result& result) {
+    take_all_rows(scene, *eliminated, options, recorded, result);
+  };
+  return made;
 }
 
 }  // namespace bromwich

@@ -8,7 +8,7 @@
 //     A' = A - B_F R N_F,      B' = B_C - B_F R M_FC,      f' = f - B_F R g_F,
 //     N' = N_C - M_CF R N_F,   M' = M_CC - M_CF R M_FC,    g' = g_C - M_CF R g_F,      w' = w_C.
 
-#include "stage.hpp"
+#include "reduction.hpp"
 
 #include <optional>
 #include <vector>
@@ -41,8 +41,8 @@ bool can_eliminate_free(const Scene&);
 /// ones up to 1024 states. Precondition: a valid scene with free rows and initial values.
 std::optional<EliminatedScene> eliminate_free(const Scene&);
 
-/// Solves the eliminated scene by the method of the options. y, its rounding error, trace and residual are those of all
-/// rows of the given scene, the free ones included. On one grid: options.tolerance is 0.
-Result solve_mixed(const Scene&, const EliminatedScene&, Backend&, const InnerOptions&, const Solve&);
+/// The scene of the second argument in the place of the first. y, its rounding error, trace and residual of a solve are
+/// those of all rows, the free ones included. On one grid: options.tolerance is 0.
+Reduction without_free_rows(const Scene&, const std::shared_ptr<const EliminatedScene>&, const InnerOptions&);
 
 }  // namespace bromwich

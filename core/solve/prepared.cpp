@@ -2,7 +2,7 @@
 
 namespace bromwich {
 
-Dynamics Prepared::reduced(Reduction reduction, const Dynamics& given, const Dynamics& made) {
+Dynamics Prepared::reduced(ReducedDynamics reduction, const Dynamics& given, const Dynamics& made) {
   const auto found = reduced_.find(reduction);
   if (found != reduced_.end() && &*found->second.first == &*given) return found->second.second;
   reduced_.insert_or_assign(reduction, std::pair(given, made));
@@ -13,7 +13,7 @@ const EliminatedScene* Prepared::without_free_rows(const Scene& scene) {
   if (eliminated_from_ != &scene) {
     eliminated_ = eliminate_free(scene);
     if (eliminated_)
-      eliminated_->scene.dynamics = reduced(Reduction::free_rows, scene.dynamics, eliminated_->scene.dynamics);
+      eliminated_->scene.dynamics = reduced(ReducedDynamics::free_rows, scene.dynamics, eliminated_->scene.dynamics);
     eliminated_from_ = &scene;
   }
   return eliminated_ ? &*eliminated_ : nullptr;

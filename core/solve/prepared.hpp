@@ -23,8 +23,8 @@ struct PreparedGrid {
   bool finite_sources = false;   ///< those of the methods; false: not known
 };
 
-/// The stages that replace the dynamics of a scene.
-enum class Reduction { units, mass, written_out, free_rows, symmetric };
+/// The reductions that replace the dynamics of a scene.
+enum class ReducedDynamics { units, mass, written_out, free_rows, symmetric };
 
 struct Prepared {
   std::optional<NaturalUnits> units;    ///< of the first solve, used by all later ones
@@ -38,7 +38,7 @@ struct Prepared {
 
   /// `made`, or the dynamics that the same reduction has made of `given` before, so that grids keep the data that they
   /// share.
-  Dynamics reduced(Reduction, const Dynamics& given, const Dynamics& made);
+  Dynamics reduced(ReducedDynamics, const Dynamics& given, const Dynamics& made);
 
   /// Free rows of `scene` eliminated; made once for all grids of a solve. Null as eliminate_free.
   const EliminatedScene* without_free_rows(const Scene& scene);
@@ -46,7 +46,7 @@ struct Prepared {
   void end_of_solve() { eliminated_from_ = nullptr; }
 
  private:
-  std::map<Reduction, std::pair<Dynamics, Dynamics>> reduced_;  ///< given, made
+  std::map<ReducedDynamics, std::pair<Dynamics, Dynamics>> reduced_;  ///< given, made
   const Scene* eliminated_from_ = nullptr;
   std::optional<EliminatedScene> eliminated_;
 };

@@ -1,6 +1,5 @@
 #include "core/solve/scaling.hpp"
 
-#include "core/base/timer.hpp"
 #include "core/dynamics/grid_system.hpp"
 #include "core/kernel/step_defects.hpp"
 #include "core/lcp/lcp_class.hpp"
@@ -262,6 +261,11 @@ double stated_residual(const Scene& scene, const Result& result) {
   return worst;
 }
 
+void take_stated_residual(const Scene& scene, Result& result) {
+  if (result.y_left.size() > 0 || std::isnan(result.residual)) return;
+  if (const double residual = stated_residual(scene, result); !std::isnan(residual)) result.residual = residual;
+}
+
 NaturalUnits natural_units(const Scene& scene) {
   if (!scene.dynamics->has_matrices() || scene.constraints() == 0) return {};
   const auto* common = scene.dynamics->modes();
@@ -308,47 +312,36 @@ Result to_units_of_scene(Result result, const NaturalUnits& units) {
   return result;
 }
 
-Result solve_in_natural_units(const Scene& scene, Backend& backend, const InnerOptions& options, const Solve& solve) {
-  Timer timer;
-  InnerOptions inner = options;
+std::optional<Reduction> natural_units_of(const Scene& scene, const InnerOptions& options) {
+  if (options.method == Method::goal) return std::nullopt;
   const bool known = options.prepared && options.prepared->units;
-  inner.units = std::make_shared<const NaturalUnits>(options.method == Method::goal ? NaturalUnits{}
-                                                     : known                        ? *options.prepared->units
-                                                                                    : natural_units(scene));
-  if (options.prepared) options.prepared->units = *inner.units;
-  const NaturalUnits& units = *inner.units;
-  if (units.trivial()) {
-    const double looked = timer.lap();
-    Result result = solve(scene, backend, inner);
-    result.seconds.setup += looked;
-    result.seconds.total += looked;
-    return result;
-  }
+  const auto units = std::make_shared<const NaturalUnits>(known ? *options.prepared->units : natural_units(scene));
+  if (options.prepared) options.prepared->units = *units;
+  if (units->trivial()) return std::nullopt;
   note(options.log, LogLevel::debug, "solved in natural units: powers of ten that bring x, y and w near 1");
-  Scene natural = in_natural_units(scene, units);
+  Reduction made{in_natural_units(scene, *units), options};
+  InnerOptions& inner = made.options;
+  inner.units = units;
   if (options.prepared)
-    natural.dynamics = options.prepared->reduced(Reduction::units, scene.dynamics, natural.dynamics);
-  RowMatrix first;
+    made.scene.dynamics = options.prepared->reduced(ReducedDynamics::units, scene.dynamics, made.scene.dynamics);
   if (options.tuning.first_iterate && options.tuning.first_iterate->cols() == scene.constraints()) {
-    first = *options.tuning.first_iterate;
-    change_columns(first, units.y, -1);
-    inner.tuning.first_iterate = &first;
+    made.first_iterate = std::make_shared<RowMatrix>(*options.tuning.first_iterate);
+    change_columns(*made.first_iterate, units->y, -1);
+    inner.tuning.first_iterate = made.first_iterate.get();
   }
   inner.trace = true;
   if (scene.boundary) inner.states = StateSelection::all;
-  const double before = timer.lap();
-  Result result = solve(natural, backend, inner);
-  timer.lap();
-  result = to_units_of_scene(std::move(result), units);
-  if (result.y_left.size() == 0 && !std::isnan(result.residual))
-    if (const double residual = stated_residual(scene, result); !std::isnan(residual)) result.residual = residual;
-  if (result.boundary_residual && result.x.rows() > 0 && result.x.cols() == scene.states())
-    result.boundary_residual = boundary_residual_of(*scene.boundary, result.x);
-  if (scene.boundary && result.x_components.size() == std::size_t(scene.states()))
-    select_components(recorded_components(scene, options), result);
-  if (!options.trace) result.trace.resize(0, 0);
-  result.seconds.add_around(before, timer.lap());
-  return result;
+  made.there = [units](Result& result) { result = changed(std::move(result), *units, -1); };
+  made.back = [units](Result& result) { result = to_units_of_scene(std::move(result), *units); };
+  made.finish = [&scene, &options](Result& result) {
+    take_stated_residual(scene, result);
+    if (result.boundary_residual && result.x.rows() > 0 && result.x.cols() == scene.states())
+      result.boundary_residual = boundary_residual_of(*scene.boundary, result.x);
+    if (scene.boundary && result.x_components.size() == std::size_t(scene.states()))
+      select_components(recorded_components(scene, options), result);
+    if (!options.trace) result.trace.resize(0, 0);
+  };
+  return made;
 }
 
 }  // namespace bromwich

@@ -15,7 +15,7 @@
 // one.
 
 #include "../scene/natural_units.hpp"
-#include "stage.hpp"
+#include "reduction.hpp"
 
 #include <vector>
 
@@ -34,8 +34,10 @@ Result to_units_of_scene(Result, const NaturalUnits&);
 /// NaN where none is.
 double stated_residual(const Scene&, const Result&);
 
-/// `solve` for a valid scene and options without units: converts both to natural units, solves, and converts the result
-/// back. Its residuals are those of the given scene.
-Result solve_in_natural_units(const Scene&, Backend&, const InnerOptions&, const Solve&);
+/// Result::residual from that, where it was measured and the rows hold both sides of w.
+void take_stated_residual(const Scene&, Result&);
+
+/// Nothing where all sizes are near 1, and for method goal. The residuals of a solve are those of the given scene.
+std::optional<Reduction> natural_units_of(const Scene&, const InnerOptions&);
 
 }  // namespace bromwich

@@ -6,11 +6,17 @@
 #include "core/base/timer.hpp"
 #include "core/result/located.hpp"
 #include "core/scene/coarse_sources.hpp"
-#include "core/solve/stages.hpp"
+#include "core/scene/mass_matrix.hpp"
+#include "core/solve/engines.hpp"
+#include "core/solve/mass_rounding.hpp"
+#include "core/solve/reductions.hpp"
 #include "core/solve/unsolved.hpp"
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
+#include <memory>
+#include <string>
 #include <utility>
 
 namespace bromwich {
@@ -19,6 +25,13 @@ namespace {
 
 constexpr Index most_steps = Index(1) << 24;
 constexpr double most_unresolved = 0.01;  ///< of a source: methods have given a warning above
+
+void check_event_location(const Scene& scene, const Options& options) {
+  if (!options.event_location) return;
+  if (controls_error(options)) throw Error("event_location", "found with a tolerance", "give steps instead");
+  if (options.method != Method::galerkin && !(options.method == Method::automatic && scene.boundary))
+    throw Error("event_location", std::string("found with method ") + to_string(options.method), "use method galerkin");
+}
 
 void validate(const Scene& scene, const Options& options) {
   if (options.steps < 0 || options.steps > most_steps)
@@ -50,6 +63,7 @@ void validate(const Scene& scene, const Options& options) {
     if (c < 0 || c >= scene.states())
       throw Error("states", "component " + std::to_string(c) + " of " + std::to_string(scene.states()),
                   "components are counted from 0");
+  check_event_location(scene, options);
 }
 
 // Ranks that share the time points run methods over all of them at once, and nothing that depends on a clock.
@@ -67,14 +81,50 @@ void validate_ranks(const Scene& scene, const Backend& backend, const Options& o
     throw Error("max_seconds", text("is given on %d ranks, whose clocks differ", ranks), "leave it out");
 }
 
-// Stages call it for simpler scenes.
-Result through_stages(const Scene& scene, Backend& backend, const InnerOptions& options) {
-  const InterruptedBy polled(options.interrupted);
-  try {
-    return run_stages(scene, backend, options, through_stages);
-  } catch (const Interrupted&) {
-    return unsolved(scene, backend, options, Status::interrupted, "stopped on request before the first step");
+// The end of max_seconds, as an interruption.
+class Deadline {
+ public:
+  explicit Deadline(const Options& options) : seconds_(options.max_seconds), asked_(options.interrupted) {}
+
+  bool over() {
+    if (asked_ && asked_()) return true;
+    if (!late_ && std::chrono::steady_clock::now() - start_ > std::chrono::duration<double>(seconds_)) {
+      why_ = text("%.2g s are spent (--max-seconds)", seconds_);
+      late_ = true;
+    }
+    return late_;
   }
+  bool late() const { return late_; }
+  const std::string& why() const { return why_; }
+
+ private:
+  const double seconds_;
+  const std::function<bool()> asked_;
+  const std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+  bool late_ = false;
+  std::string why_ = why_interrupted();
+};
+
+Result in_simplest_form(const Scene& scene, Backend& backend, const InnerOptions& options) {
+  if (scene.dynamics->has_mass() && scene.dynamics->has_singular_mass())
+    return unsolved(scene, backend, options, Status::unsupported, describe_singular_mass(*scene.dynamics));
+  const Reductions reduced(scene, options, reductions_of_scene());
+  return reduced.of_solve(solve_reduced(reduced.scene(), backend, reduced.options()));
+}
+
+Result until_interrupted(const Scene& scene, Backend& backend, InnerOptions options) {
+  const auto deadline = std::make_shared<Deadline>(options);
+  const bool limited = options.max_seconds > 0 && controls_error(options);
+  if (limited) options.interrupted = [deadline] { return deadline->over(); };
+  const InterruptedBy polled(options.interrupted, limited ? &deadline->why() : nullptr);
+  Result result;
+  try {
+    result = in_simplest_form(scene, backend, options);
+  } catch (const Interrupted&) {
+    result = unsolved(scene, backend, options, Status::interrupted, why_interrupted() + " before the first step");
+  }
+  if (result.status == Status::interrupted && deadline->late()) result.status = Status::tolerance_not_met;
+  return result;
 }
 
 // Steps that are given may be too few for the sources; with a tolerance and by located events they are chosen.
@@ -94,7 +144,8 @@ Result solve_valid(const Scene& scene, Backend& backend, const InnerOptions& opt
   Timer timer;
   validate(scene, options);
   validate_ranks(scene, backend, options);
-  Result result = through_stages(scene, backend, options);
+  Result result = until_interrupted(scene, backend, options);
+  add_rounding_of_mass(scene, backend, options, result);
   report_coarse_sources(scene, options, result);
   // What the stages spend beside solves, such as the search for jumps of the sources, belongs to the set-up.
   const double whole = timer.lap();

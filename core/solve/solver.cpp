@@ -2,8 +2,8 @@
 
 #include "core/base/error.hpp"
 #include "core/scene/port_hamiltonian.hpp"
+#include "core/solve/engines.hpp"
 #include "core/solve/prepared.hpp"
-#include "core/solve/stages.hpp"
 
 #include <algorithm>
 #include <atomic>

@@ -1,6 +1,5 @@
 #include "core/solve/symmetric_form.hpp"
 
-#include "core/base/timer.hpp"
 #include "core/dynamics/grid_system.hpp"
 #include "core/lcp/class_traits.hpp"
 #include "core/lcp/lcp_class.hpp"
@@ -81,42 +80,39 @@ Scene in_form(const Scene& scene, const SymmetricForm& form) {
   return symmetric;
 }
 
-void scale_back(const SymmetricForm& form, Result& result) {
+void scale(const SymmetricForm& form, int sign, Result& result) {
+  const Vector y = sign > 0 ? form.y : Vector(form.y.cwiseInverse()),
+               x = sign > 0 ? form.x : Vector(form.x.cwiseInverse());
   for (RowMatrix* table : {&result.y, &result.y_left, &result.y_integral, &result.trace})
-    if (table->size() > 0) *table = *table * form.y.asDiagonal();
+    if (table->size() > 0) *table = *table * y.asDiagonal();
   for (std::size_t c = 0; c < result.x_components.size() && result.x.size() > 0; ++c)
-    result.x.col(Index(c)) *= form.x[result.x_components[c]];
-  result.rounding_of_y *= form.y.maxCoeff();
-  result.kernel_error *= form.y.maxCoeff() / form.y.minCoeff();
-  result.kernel += "; in the symmetric form of constant advection";
+    result.x.col(Index(c)) *= x[result.x_components[c]];
 }
 
 }  // namespace
 
-std::optional<Result> solve_in_symmetric_form(const Scene& scene, Backend& backend, const InnerOptions& options,
-                                              const Solve& solve) {
+std::optional<Reduction> symmetric_form(const Scene& scene, const InnerOptions& options) {
   const SymmetricForm* form = form_of(scene, options);
   if (!form) return std::nullopt;
-  Timer timer;
-  Scene symmetric = in_form(scene, *form);
-  InnerOptions inner = options;
-  inner.trace = true;
+  Reduction made{in_form(scene, *form), options};
+  made.options.trace = true;
   if (options.prepared)
-    symmetric.dynamics = options.prepared->reduced(Reduction::symmetric, scene.dynamics, symmetric.dynamics);
-  RowMatrix first;
+    made.scene.dynamics = options.prepared->reduced(ReducedDynamics::symmetric, scene.dynamics, made.scene.dynamics);
   if (options.tuning.first_iterate && options.tuning.first_iterate->cols() == scene.constraints()) {
-    first = *options.tuning.first_iterate * form->y.cwiseInverse().asDiagonal();
-    inner.tuning.first_iterate = &first;
+    made.first_iterate =
+        std::make_shared<RowMatrix>(*options.tuning.first_iterate * form->y.cwiseInverse().asDiagonal());
+    made.options.tuning.first_iterate = made.first_iterate.get();
   }
-  const double before = timer.lap();
-  Result result = solve(symmetric, backend, inner);
-  timer.lap();
-  scale_back(*form, result);
-  if (!std::isnan(result.residual))
-    if (const double residual = stated_residual(scene, result); !std::isnan(residual)) result.residual = residual;
-  if (!options.trace) result.trace.resize(0, 0);
-  result.seconds.add_around(before, timer.lap());
-  return result;
+  made.there = [form](Result& result) { scale(*form, -1, result); };
+  made.back = [form](Result& result) { scale(*form, 1, result); };
+  made.finish = [form, &scene, &options](Result& result) {
+    result.rounding_of_y *= form->y.maxCoeff();
+    result.kernel_error *= form->y.maxCoeff() / form->y.minCoeff();
+    result.kernel += "; in the symmetric form of constant advection";
+    take_stated_residual(scene, result);
+    if (!options.trace) result.trace.resize(0, 0);
+  };
+  return made;
 }
 
 }  // namespace bromwich

@@ -7,7 +7,7 @@
 // which is a Kronecker sum in modes, and its result is scaled back. An error of K~ relative to its largest entry grows
 // by at most max Y / min Y, and the kernel error that is reported contains this factor.
 
-#include "stage.hpp"
+#include "reduction.hpp"
 
 #include <optional>
 
@@ -16,6 +16,6 @@ namespace bromwich {
 /// Nothing where there is no such form, or the scene has parts that it does not take: f of single states, boundary
 /// values, free rows, a tolerance for the given components, M of a class that factors may change, or a method that
 /// steps the given matrices.
-std::optional<Result> solve_in_symmetric_form(const Scene&, Backend&, const InnerOptions&, const Solve&);
+std::optional<Reduction> symmetric_form(const Scene&, const InnerOptions&);
 
 }  // namespace bromwich

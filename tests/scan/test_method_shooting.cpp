@@ -6,7 +6,7 @@
 #include "bromwich/solver.hpp"
 #include "core/scan/coarse_start.hpp"
 #include "core/scan/held_products.hpp"
-#include "core/solve/stages.hpp"
+#include "core/solve/engines.hpp"
 
 #include "bromwich/derivative.hpp"
 #include "tests/support/random_scenes.hpp"

@@ -1,0 +1,132 @@
+#include "core/solve/engines.hpp"
+
+#include "core/base/error.hpp"
+#include "core/events/event_driven.hpp"
+#include "core/galerkin/galerkin.hpp"
+#include "core/goal/goal.hpp"
+#include "core/solve/error_control.hpp"
+#include "core/solve/given_steps.hpp"
+#include "core/solve/mixed.hpp"
+#include "core/solve/reductions.hpp"
+#include "core/solve/shooting_control.hpp"
+#include "core/solve/unsolved.hpp"
+
+#include <string>
+
+namespace bromwich {
+
+namespace {
+
+// x(0) of method galerkin on the given grid, to start from.
+Vector start_by_galerkin(const Scene& scene, Backend& backend, const InnerOptions& options) {
+  InnerOptions one = options;
+  one.method = Method::galerkin;
+  one.states = StateSelection::all;
+  one.progress = {};
+  try {
+    const Result result = solve_by_galerkin(scene, backend, one);
+    if (result.status == Status::solved) return result.x.row(0).transpose();
+  } catch (const Error& error) {
+    if (error.kind() != ErrorKind::bad_input) throw;
+  }
+  return {};
+}
+
+bool ends(const Result& r) { return r.status == Status::solved || r.status == Status::interrupted; }
+
+// Where it does not succeed from rest, it starts from method galerkin.
+Result by_shooting(const Scene& scene, Backend& backend, const InnerOptions& options) {
+  Result from_rest = solve_by_shooting(scene, backend, options);
+  if (ends(from_rest)) return from_rest;
+  const Vector start = start_by_galerkin(scene, backend, options);
+  if (start.size() == 0) return from_rest;
+  Result again = solve_by_shooting(scene, backend, options, start);
+  return ends(again) ? again : from_rest;
+}
+
+Result on_grids(const Scene& scene, Backend& backend, const InnerOptions& options) {
+  return controls_error(options) ? solve_to_tolerance(scene, backend, options)
+                                 : solve_on_steps(scene, backend, options);
+}
+
+Result for_goal(const Scene& scene, Backend& backend, const InnerOptions& options) {
+  return solve_for_goal(scene, backend, options);
+}
+
+std::string not_shooting(const Scene& scene) {
+  const std::string why = unsuited_to_shooting(scene);
+  if (why.empty()) return "";
+  return "method shooting: " + why + "; use method galerkin";
+}
+
+std::string not_events(const Scene& scene) {
+  const std::string why = unsuited_to_events(scene);
+  return why.empty() ? "" : "method events: " + why + "; use method march or euler";
+}
+
+std::string not_on_steps(const Scene& scene) {
+  if (scene.boundary)
+    return "it needs initial values and the scene has boundary values; use method shooting or galerkin";
+  if (!scene.free_rows.empty() && !can_eliminate_free(scene))
+    return "the free rows and columns of M form a singular matrix; use method galerkin";
+  return "";
+}
+
+std::string takes_all(const Scene&) { return ""; }
+
+bool never(const Scene&, const InnerOptions&) { return false; }
+bool always(const Scene&, const InnerOptions&) { return true; }
+bool has_boundary(const Scene& scene, const InnerOptions& options) { return scene.boundary && !options.event_location; }
+
+/// One way to solve a scene. Method automatic tries those that want it, in this order, until one solves it.
+struct Engine {
+  Method method;                                         ///< automatic: all methods of given steps
+  bool (*automatic)(const Scene&, const InnerOptions&);  ///< whether that method tries it
+  std::string (*why_not)(const Scene&);                  ///< empty: it takes the scene
+  Result (*run)(const Scene&, Backend&, const InnerOptions&);
+};
+
+constexpr Engine engines[] = {
+    {Method::goal, never, takes_all, for_goal},
+    {Method::shooting, has_boundary, not_shooting, by_shooting},
+    {Method::galerkin, needs_galerkin, takes_all, on_grids},
+    {Method::events, never, not_events, solve_by_events},  // automatic with a tolerance: error_control.cpp
+    {Method::automatic, always, not_on_steps, on_grids},
+};
+
+// Method shooting takes initial values on given steps, as the methods of these do.
+bool is_named(const Engine& engine, const Scene& scene, Method method) {
+  if (method == Method::automatic || (engine.method == Method::shooting && !scene.boundary)) return false;
+  return engine.method == method || engine.method == Method::automatic;
+}
+
+}  // namespace
+
+Result solve_reduced(const Scene& scene, Backend& backend, const InnerOptions& options) {
+  std::string before;  // why the engines before did not solve it
+  Result result;
+  for (const Engine& engine : engines) {
+    const bool named = is_named(engine, scene, options.method);
+    if (!named && (options.method != Method::automatic || !engine.automatic(scene, options))) continue;
+    if (const std::string why = engine.why_not(scene); !why.empty()) {
+      if (named) return unsolved(scene, backend, options, Status::unsupported, why);
+      continue;
+    }
+    InnerOptions one = options;
+    if (!named) one.method = engine.method;
+    try {
+      Result next = engine.run(scene, backend, one);
+      if (engine.method != Method::shooting || named || ends(next)) return next;
+      result = std::move(next);
+    } catch (const Error& error) {
+      if (before.empty() || error.kind() != ErrorKind::bad_input) throw;
+      result.reason = before + "; method " + to_string(engine.method) + ": " + error.what();
+      return result;
+    }
+    before = "method shooting: " + result.reason;
+    note(options.log, LogLevel::info, "method shooting gives up: %s", result.reason.c_str());
+  }
+  return result;
+}
+
+}  // namespace bromwich

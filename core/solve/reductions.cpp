@@ -1,0 +1,140 @@
+#include "core/solve/reductions.hpp"
+
+#include "core/base/timer.hpp"
+#include "core/scene/mass_matrix.hpp"
+#include "core/scene/port_hamiltonian.hpp"
+#include "core/scene/separable.hpp"
+#include "core/solve/mixed.hpp"
+#include "core/solve/prepared.hpp"
+#include "core/solve/scaling.hpp"
+#include "core/solve/symmetric_form.hpp"
+
+#include <utility>
+
+namespace bromwich {
+
+namespace {
+
+// Below this size dense matrices are faster in everything, and e^{hA} needs no contour.
+constexpr Index smallest_sparse = 512;
+
+// With breakpoints a march has steps in parts, and every length of a part needs an exponential of a dense matrix, or a
+// factorization of a sparse one. (Whether a sparse march divides its steps is a question for Methods::march.)
+constexpr Index smallest_sparse_with_parts = 128;
+constexpr double most_filled = 1.0 / 16;  ///< of a matrix that is factorized in much less time
+
+// f given per state as a few shapes times functions of time: the shapes are columns F, which take the place of one
+// column for each state in the shifted solves of large dynamics.
+std::optional<Reduction> columns_of_f(const Scene& scene, const InnerOptions& options) {
+  const SeparableSource* f = scene.f.separable();
+  if (!f || scene.f_entry != SourceEntry::state || scene.port) return std::nullopt;
+  if (scene.dynamics->small_state() || scene.dynamics->modes()) return std::nullopt;
+  Reduction made{scene, options};
+  made.scene.F = f->shapes.sparseView(0, 0);
+  made.scene.f = f->time;
+  made.scene.f_entry = SourceEntry::through_F;
+  return made;
+}
+
+// A regular E, where that keeps A sparse. Method galerkin works with dense matrices.
+std::optional<Reduction> mass_matrix(const Scene& scene, const InnerOptions& options) {
+  if (!scene.dynamics->has_mass()) return std::nullopt;
+  auto reduced = without_mass(scene);
+  if (!reduced && scene.dynamics->has_matrices() && needs_galerkin(scene, options))
+    reduced = without_mass(written_out(scene));
+  if (!reduced) return std::nullopt;
+  if (options.prepared)
+    reduced->dynamics = options.prepared->reduced(ReducedDynamics::mass, scene.dynamics, reduced->dynamics);
+  note(options.log, LogLevel::debug, "the mass matrix E is eliminated");
+  return Reduction{std::move(*reduced), options};
+}
+
+// n = 0: a constraint that is never active is added.
+std::optional<Reduction> no_constraints(const Scene& scene, const InnerOptions& options) {
+  if (scene.constraints() > 0 || options.method == Method::goal) return std::nullopt;
+  Reduction made{with_idle_constraint(scene), options};
+  made.there = [](Result& result) { result = with_idle_constraint(std::move(result)); };
+  made.back = [](Result& result) {
+    result.y.resize(result.y.rows(), 0);
+    result.y_integral.resize(0, 0);
+    result.trace.resize(result.trace.rows(), 0);
+  };
+  return made;
+}
+
+std::optional<Reduction> dense_matrices(const Scene& scene, const InnerOptions& options) {
+  if (options.method == Method::goal || !becomes_dense(scene, options)) return std::nullopt;
+  note(options.log, LogLevel::debug, "sparse dynamics with %ld states are written out as dense ones",
+       long(scene.states()));
+  Reduction made{written_out(scene), options};
+  if (options.prepared)
+    made.scene.dynamics = options.prepared->reduced(ReducedDynamics::written_out, scene.dynamics, made.scene.dynamics);
+  return made;
+}
+
+std::optional<Reduction> free_rows(const Scene& scene, const InnerOptions& options) {
+  if (scene.free_rows.empty() || options.method == Method::galerkin) return std::nullopt;
+  note(options.log, LogLevel::debug, "%zu free rows are eliminated", scene.free_rows.size());
+  if (!options.prepared)
+    return without_free_rows(scene, std::make_shared<EliminatedScene>(*eliminate_free(scene)), options);
+  const std::shared_ptr<Prepared> kept = options.prepared;  // it owns them
+  return without_free_rows(scene, {kept, kept->without_free_rows(scene)}, options);
+}
+
+}  // namespace
+
+bool needs_galerkin(const Scene& scene, const InnerOptions& options) {
+  if (options.method != Method::automatic) return options.method == Method::galerkin;
+  return scene.boundary || (!scene.free_rows.empty() && !can_eliminate_free(scene));
+}
+
+bool becomes_dense(const Scene& scene, const InnerOptions& options) {
+  const double m = double(scene.states());
+  if (!scene.dynamics->matrices() || m > double(smallest_sparse)) return false;
+  const bool marches = options.method == Method::march || options.method == Method::automatic;
+  if (scene.breakpoints.empty() || !marches || needs_galerkin(scene, options)) return true;
+  return m <= double(smallest_sparse_with_parts) ||
+         double(scene.dynamics->matrices()->A.nonZeros()) > most_filled * m * m;
+}
+
+const std::vector<Reduce>& reductions_of_scene() {
+  // E of small sparse dynamics can be eliminated once they are dense.
+  static const std::vector<Reduce> list{columns_of_f,   mass_matrix,    symmetric_form, natural_units_of,
+                                        no_constraints, dense_matrices, mass_matrix};
+  return list;
+}
+
+const std::vector<Reduce>& reductions_of_grid() {
+  static const std::vector<Reduce> list{symmetric_form, free_rows};
+  return list;
+}
+
+Reductions::Reductions(const Scene& scene, const InnerOptions& options, const std::vector<Reduce>& list)
+    : scene_(scene), options_(options) {
+  Timer timer;
+  for (const Reduce reduce : list)
+    if (auto made = reduce(this->scene(), this->options())) made_.push_back(std::move(*made));
+  spent_ = timer.lap();
+}
+
+void Reductions::there(Result& result) const {
+  for (const Reduction& r : made_)
+    if (r.there) r.there(result);
+}
+
+void Reductions::back(Result& result) const {
+  for (auto r = made_.rbegin(); r != made_.rend(); ++r)
+    if (r->back) r->back(result);
+}
+
+Result Reductions::of_solve(Result result) const {
+  Timer timer;
+  for (auto r = made_.rbegin(); r != made_.rend(); ++r) {
+    if (r->back) r->back(result);
+    if (r->finish) r->finish(result);
+  }
+  result.seconds.add_around(spent_, timer.lap());
+  return result;
+}
+
+}  // namespace bromwich
