@@ -3,6 +3,7 @@
 #include "batch/batch_groups.hpp"
 #include "core/base/error.hpp"
 #include "core/base/timer.hpp"
+#include "core/result/notice.hpp"
 #include "core/scene/natural_sizes.hpp"
 #include "core/scene/source_steps.hpp"
 #include "core/solve/cost.hpp"
@@ -255,7 +256,7 @@ void BatchRun::settle(Index k, double residual, bool other_at_zero) {
   result_.method[std::size_t(k)] = Method::march;
   result_.residual[k] = residual;
   if (other_at_zero)  // as core/solve/certification.cpp says it
-    result_.warning[std::size_t(k)] = "y(0) is not unique: the problem at t = 0 has another solution";
+    result_.warning[std::size_t(k)] = sentence({NoticeCode::other_start});
   done_[std::size_t(k)] = 1;
 }
 

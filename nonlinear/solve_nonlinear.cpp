@@ -3,6 +3,7 @@
 #include "core/accuracy/magnification.hpp"
 #include "core/base/error.hpp"
 #include "core/base/text.hpp"
+#include "core/result/notice.hpp"
 #include "core/result/options.hpp"
 #include "core/scene/coarse_sources.hpp"
 #include "nonlinear/adapted_nonlinear.hpp"
@@ -145,7 +146,8 @@ NonlinearResult solve_on_one_grid(const NonlinearScene& scene, const Scene& give
   NonlinearResult result = NonlinearRun(scene, given, breaks, backend, options).run();
   const bool by_linear_scene = result.newton + result.windows + result.marched == 0;
   if (!options.confirm || result.status != Status::solved || by_linear_scene) return result;
-  result.warning = warning_of(find_coarse_sources(scene.linear, result.t));
+  const CoarseSources coarse = find_coarse_sources(scene.linear, result.t);
+  if (coarse.missed > 0) result.warning = sentence({NoticeCode::unresolved_sources, coarse.missed, NAN, coarse.time});
   if (result.trace.size() > 0 || !scene.linear.dynamics->small_state()) return result;
   const std::string why = doubts_of(scene, result, breaks);
   if (why.empty()) return result;

@@ -6,10 +6,6 @@
 
 namespace bromwich {
 
-/// Where nothing is known of other solutions.
-inline constexpr const char* may_be_others =
-    "the problems of the steps are not known to have only one solution: there may be others";
-
 struct OtherSolution {
   Index row = -1;                ///< of the first one that was found, of those looked at; -1: none
   bool moves_the_state = false;  ///< the state after the step is another one too

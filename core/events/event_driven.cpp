@@ -94,7 +94,8 @@ class EventIntegration {
     at_.x -= size.cwiseProduct(Eigen::CompleteOrthogonalDecomposition<Matrix>(N).solve(Vector(w(rows))));
   }
 
-  bool give_up(const std::string& why) {
+  bool give_up(const std::string& why, EventEnd end = EventEnd::other) {
+    solution_.end = end;
     solution_.reason = why + text(" at t = %.6g", at_.t);
     return false;
   }
@@ -126,7 +127,8 @@ class EventIntegration {
       next = successor_.choose_brief(at_);
     }
     if (!next.unique && enumerates_)
-      return give_up(std::string(several_solutions) + ": two active sets continue it differently");
+      return give_up("the solution is not unique: two active sets continue it differently",
+                     EventEnd::several_solutions);
     if (!next.mode) return pass_unknown();
     unknown_ = 0;
     mode_ = next.mode;
@@ -236,7 +238,7 @@ class EventIntegration {
   }
 
   bool may_go_on(long step) {
-    if (at_.work > options_.most_work || stored_ > most_stored) return give_up(out_of_work);
+    if (at_.work > options_.most_work || stored_ > most_stored) return give_up("too many steps", EventEnd::out_of_work);
     if (!at_.x.allFinite()) return give_up("the solution grows without bounds");
     if (step % 64 == 0 && options_.progress) options_.progress(at_.t);
     if (!options_.interrupted || !options_.interrupted()) return true;

@@ -43,9 +43,17 @@ struct EventOptions {
   std::function<void(double t)> progress = {};
 };
 
+/// Why an integration is not complete.
+enum class EventEnd : char {
+  out_of_work,
+  several_solutions,  ///< active sets continue it to different states
+  other,
+};
+
 struct EventSolution {
   bool complete = false;
   bool interrupted = false;
+  EventEnd end = EventEnd::other;
   std::string reason;  ///< why it is not complete
   double until = 0;    ///< the solution is known up to here
   double work = 0;     ///< floating-point operations, about
@@ -64,11 +72,6 @@ struct EventSolution {
   Vector y(double t, bool left) const;
   Vector integral_of_y(double t, bool left) const;
 };
-
-inline constexpr const char* out_of_work = "too many steps";  ///< how EventSolution::reason begins in that case
-
-/// Likewise, where active sets continue the solution to different states.
-inline constexpr const char* several_solutions = "the solution is not unique";
 
 /// Whether the scene can be integrated in this way: dense dynamics without E, x(0) = x0, few unknowns, no free rows.
 /// Otherwise why not.

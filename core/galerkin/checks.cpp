@@ -74,20 +74,16 @@ double require_determined_states(const GalerkinProblem& p) {
 }
 
 Uniqueness uniqueness_of(const Scene& scene, Index N) {
-  if (scene.states() > most_looked_at)
-    return {false, text("whether the solution is the only one was not looked at (more than %ld states)",
-                        long(most_looked_at))};
+  if (scene.states() > most_looked_at) return {};
   const double size = std::max(to_dense(scene.M).cwiseAbs().maxCoeff(), 1e-300);
   double best = -INFINITY;
   for (const double exponent : {0.0, 2.0, -2.0}) {
     const std::optional<double> sigma = eigenvalue_where_determined(scene, std::min(N, coarse_intervals), exponent);
     if (!sigma) continue;
-    if (*sigma > clearly_positive * size) return {true, ""};
+    if (*sigma > clearly_positive * size) return {true, *sigma};
     best = std::max(best, *sigma);
   }
-  if (std::abs(best) <= clearly_positive * size)
-    return {false, "uniqueness is not assured: monotone, but the smallest eigenvalue of the symmetric part is 0"};
-  return {false, text("uniqueness is not assured: smallest eigenvalue of the symmetric part %.2g", best)};
+  return {false, std::abs(best) <= clearly_positive * size ? 0 : best};
 }
 
 }  // namespace bromwich

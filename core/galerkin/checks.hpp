@@ -19,7 +19,7 @@ double require_determined_states(const GalerkinProblem&);
 
 struct Uniqueness {
   bool assured = false;
-  std::string words;  ///< one line if it is not
+  double eigenvalue = NAN;  ///< the smallest of the symmetric part if it is not; NaN: not looked at
 };
 
 /// Strong monotonicity (core/galerkin/uniqueness.hpp) with some weights, tested on a coarse grid. It does not assure

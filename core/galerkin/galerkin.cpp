@@ -8,6 +8,7 @@
 #include "core/galerkin/recovery.hpp"
 #include "core/galerkin/rules.hpp"
 #include "core/galerkin/solvers.hpp"
+#include "core/result/notice.hpp"
 
 #include <cmath>
 
@@ -179,8 +180,7 @@ bool free_rows_agree(const FreeElimination& elimination, const GalerkinProblem& 
     result.reason = text("the equations of the free rows contradict each other at t = %.6g", *result.infeasible_at);
     return false;
   }
-  if (!elimination.unique())
-    add_warning(result, "the free unknowns are not determined; theirs of least norm are given");
+  if (!elimination.unique()) tell(result, {NoticeCode::free_unknowns});
   return true;
 }
 
@@ -199,7 +199,7 @@ void judge(const Scene& scene, const GalerkinProblem& p, const RowMatrix& z, con
 void check_uniqueness(const Scene& scene, Index N, Result& result) {
   const Uniqueness unique = uniqueness_of(scene, N);
   result.well_posed = unique.assured;
-  if (!unique.assured) add_warning(result, unique.words);
+  if (!unique.assured) tell(result, {NoticeCode::not_monotone, unique.eigenvalue});
 }
 
 // z of known active sets on the parts of a grid, from those of its intervals on coarser grids.
@@ -221,8 +221,7 @@ void solve_on_grid(const Scene& scene, Backend& backend, const InnerOptions& opt
   nothing_found(scene, p.N, result);
   if (!finite_galerkin_sources(p, result)) return;
   const double condition = require_determined_states(p);
-  if (condition < delicate_boundary)
-    add_warning(result, text("the boundary condition is ill-conditioned (reciprocal condition %.1e)", condition));
+  if (condition < delicate_boundary) tell(result, {NoticeCode::boundary, condition});
   const FreeElimination elimination(p, scene.free_rows);
   if (!free_rows_agree(elimination, p, result)) return;
   result.seconds.setup = timer.lap();
@@ -253,7 +252,7 @@ void solve_on_grid(const Scene& scene, Backend& backend, const InnerOptions& opt
   fill(scene, used, z, x, options, result);
   judge(scene, used, z, x, options, result);
   if (result.status != Status::solved) return;
-  if (ruled) add_warning(result, warning_of(ruled->rules, p.t));
+  if (ruled) result.kernel += described(ruled->rules, p.t);
   if (!s.unique) check_uniqueness(scene, p.N, result);
 }
 
@@ -273,13 +272,12 @@ bool solve_with_located_switches(const Scene& scene, Backend& backend, const Inn
     located.x_components = result.x_components;
     solve_on_grid(scene, backend, options, shared, grid.parts, &result, nullptr, located);
     if (located.status != Status::solved && located.status != Status::interrupted) {
-      add_warning(result, "with nodes at the switches it is not solved (" + located.reason + ")");
+      note(options.log, LogLevel::info, "with nodes at the switches it is not solved: %s", located.reason.c_str());
+      tell(result, {.code = NoticeCode::unlocated_switches, .count = grid.located + grid.missed});
       return pass > 0;
     }
     located.kernel += text("; %ld switches on nodes", long(grid.located));
-    if (grid.missed > 0)
-      add_warning(located, text("%ld switch(es) not located: y jumps there or is active for no whole interval",
-                                long(grid.missed)));
+    if (grid.missed > 0) tell(located, {.code = NoticeCode::unlocated_switches, .count = grid.missed});
     located.seconds = located.seconds + result.seconds;
     located.lcp += result.lcp;
     result = std::move(located);

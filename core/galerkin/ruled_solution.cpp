@@ -111,13 +111,13 @@ std::optional<RuledSolution> solve_by_rules(const Scene& scene, const GalerkinPr
   return ruled;
 }
 
-std::string warning_of(const std::vector<IntervalRule>& rules, const Vector& t) {
+std::string described(const std::vector<IntervalRule>& rules, const Vector& t) {
   const auto first =
       std::find_if(rules.begin(), rules.end(), [](IntervalRule r) { return r != IntervalRule::galerkin; });
   if (first == rules.end()) return "";
   const auto radau = std::count(rules.begin(), rules.end(), IntervalRule::radau),
              euler = std::count(rules.begin(), rules.end(), IntervalRule::euler);
-  std::string words = text("M is singular on what is active at t = %.6g:", t[first - rules.begin()]);
+  std::string words = text("; M is singular on what is active at t = %.6g:", t[first - rules.begin()]);
   if (radau > 0) words += text(" %ld intervals are taken by Radau IIA", long(radau));
   if (euler > 0) {
     const auto at = std::find(rules.begin(), rules.end(), IntervalRule::euler);

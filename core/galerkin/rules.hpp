@@ -102,8 +102,8 @@ using GalerkinSolver =
 std::optional<RuledSolution> solve_by_rules(const Scene&, const GalerkinProblem&, const FreeElimination&,
                                             const GalerkinSolution& first, const GalerkinSolver&, const Options&);
 
-/// The warning for a user; t: the nodes. Empty if no interval has another rule.
-std::string warning_of(const std::vector<IntervalRule>&, const Vector& t);
+/// For Result::kernel; t: the nodes. Empty if no interval has another rule.
+std::string described(const std::vector<IntervalRule>&, const Vector& t);
 
 /// "...; 12 intervals by Radau IIA, 3 by implicit Euler", or nothing.
 std::string describe(const std::vector<IntervalRule>&);

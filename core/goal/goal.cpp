@@ -13,6 +13,7 @@
 #include "core/goal/cost.hpp"
 #include "core/goal/grid_adaptation.hpp"
 #include "core/goal/indicators.hpp"
+#include "core/result/notice.hpp"
 #include "core/scene/breakpoints.hpp"
 
 #include <algorithm>
@@ -171,9 +172,7 @@ class GoalSolve {
     for (const GoalCycle& cycle : grid.history) result.history.push_back(std::abs(cycle.estimate));
     result.y = RowMatrix(M + 1, 0);
     result.residual = 0;  // of no constraints
-    if (grid.last.blind)
-      result.warning =
-          text("the input nearly vanishes at all points where %td steps look at it: use another number of steps", M);
+    if (grid.last.blind) tell(result, {.code = NoticeCode::blind_input, .count = M});
     if (constrained_) constrained_->report(grid, result);
     result.bytes = result.bytes_predicted = std::size_t(cost(M, grid.last.sizes).bytes());
   }

@@ -7,6 +7,7 @@
 #include "core/march/outcome.hpp"
 #include "core/multigrid/dual_levels.hpp"
 #include "core/multigrid/multigrid.hpp"
+#include "core/result/notice.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -234,10 +235,7 @@ class PreparedDual final : public PreparedMethod {
       euler->run(start, y0, options, first_order);
       if (first_order.status == Status::solved) {
         result = std::move(first_order);
-        return add_warning(
-            result,
-            "cycles at the stages of Radau IIA do not contract here: y and w are those of implicit Euler, "
-            "of order 1");
+        return tell(result, {NoticeCode::first_order});
       }
     }
     result = std::move(staged);

@@ -111,12 +111,4 @@ CoarseSources find_coarse_sources(const Scene& scene, const Vector& t) {
   return f.missed > g.missed ? f : g;
 }
 
-std::string warning_of(const CoarseSources& coarse) {
-  if (coarse.missed == 0) return "";
-  return text(
-      "f or g changes too fast for these steps: inside of one (t = %.6g) it is off the straight line between "
-      "its ends by %.0f %% of its size: use more steps",
-      coarse.time, 100 * coarse.missed);
-}
-
 }  // namespace bromwich

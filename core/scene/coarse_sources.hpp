@@ -5,8 +5,6 @@
 
 #include "scene.hpp"
 
-#include <string>
-
 namespace bromwich {
 
 struct CoarseSources {
@@ -18,8 +16,5 @@ struct CoarseSources {
 /// those in which the source jumps, do not count: methods find them. Empty unless one sample of eight misses more than
 /// 0.15 of the size.
 CoarseSources find_coarse_sources(const Scene&, const Vector& t);
-
-/// The warning for a user; empty if nothing is missed.
-std::string warning_of(const CoarseSources&);
 
 }  // namespace bromwich

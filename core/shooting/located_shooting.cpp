@@ -102,7 +102,7 @@ class LocatedShooting {
   }
 
   std::optional<Iterate> integrate(const Vector& x) {
-    if (work_ > options_.most_work) return give_up(out_of_work), std::nullopt;
+    if (work_ > options_.most_work) return give_up("too many steps"), std::nullopt;
     scene_.x0 = x;
     Iterate it{x, {}};
     // What counts as zero falls with the tolerance: signs may be known with a finer one.
@@ -112,7 +112,7 @@ class LocatedShooting {
       it.flow = integrate_with_events(scene_, class_, breakpoints_, o);
       ++solution_.flows;
       work_ += it.flow.work;
-      const bool again = !it.flow.complete && !it.flow.interrupted && it.flow.reason.rfind(out_of_work, 0) != 0;
+      const bool again = !it.flow.complete && !it.flow.interrupted && it.flow.end != EventEnd::out_of_work;
       if (!again || tolerance < 10 * finest_flow) break;
     }
     if (!it.flow.complete) {

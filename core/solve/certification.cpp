@@ -6,6 +6,7 @@
 #include "core/certificate/certificate.hpp"
 #include "core/kernel/resolution.hpp"
 #include "core/kernel/ringing.hpp"
+#include "core/result/notice.hpp"
 
 #include <Eigen/SparseCholesky>
 
@@ -52,6 +53,10 @@ double rounding_of_w(const DiscreteProblem& p, const Result& result) {
 void demote(Result& result, const std::string& reason) {
   result.status = Status::tolerance_not_met;
   result.reason = reason;
+}
+
+Notice notice_of(const StepErrors& e) {
+  return {.code = NoticeCode::error_of_steps, .size = e.x, .other = e.y, .of_mean = e.of_mean};
 }
 
 // Whether E is symmetric, and not positive definite.
@@ -119,7 +124,6 @@ void Certification::certify(Method method, Result& result) {
   confirm(method, m, result);
   if (options_.confirm && result.status == Status::solved) resolve_modes(method, m.x, result);
   if (rational && result.status == Status::solved) doubt_growth(method, growth_rate(p), result);
-  if (result.status == Status::solved) doubt_many_jumps(method, result);
   if (result.status == Status::solved && !sources_are_unresolved()) estimate_errors_at_jumps(method, result);
   if (result.status == Status::solved) look_for_other_solutions(result);
 }
@@ -151,16 +155,13 @@ void take_certificate(Result& result) {
   c.impulses = c.impulses || result.starts_with_impulse || result.euler_steps > 0;
   const double of_y = c.impulses ? c.error_of_mean : c.error_of_y;
   result.error_estimate = std::max(of_y, c.error_of_x);
-  std::string parts;
-  for (const auto& [what, size] : {std::pair("x", c.error_of_x), {c.impulses ? "the mean of y" : "y", of_y}})
-    if (size > worth_a_notice)
-      parts += (parts.empty() ? "" : ", ") +
-               text(size < 0.1 ? "%s by about %.1f %%" : "%s by about %.0f %%", what, 100 * size);
-  if (parts.empty()) return;
-  const std::string off = "with these steps the result is off: " + parts + "; use more steps or a tolerance";
-  if (std::min(c.typical_error_of_x, c.error_of_x) <= most_typical_error) return add_warning(result, off);
-  demote(result, off);
+  if (result.error_estimate <= worth_a_notice) return;
+  const StepErrors errors{c.error_of_x, of_y, c.impulses};
+  if (std::min(c.typical_error_of_x, c.error_of_x) <= most_typical_error) return tell_errors(errors, result);
+  demote(result, sentence(notice_of(errors)));
 }
+
+void tell_errors(const StepErrors& errors, Result& result) { tell(result, notice_of(errors)); }
 
 // Where something speaks against a result that half the step would show, half the step is taken.
 void Certification::confirm(Method method, const Magnification& m, Result& result) {
@@ -227,23 +228,6 @@ void Certification::doubt_growth(Method method, double rate, Result& result) {
   }
 }
 
-// Steps are divided where sources jump, and between the jumps y switches as it does in single steps. Where there is a
-// jump in every other step or more, grids of twice the steps have parts of the same length. Steps shorter than these
-// say whether that is enough.
-void Certification::doubt_many_jumps(Method method, Result& result) {
-  constexpr Index parts_of_a_part = 4, largest_factor = 64, most_steps = Index(1) << 19;
-  constexpr double seen = 0.5;  // of what a step may miss
-  const DiscreteProblem& p = methods_.problem();
-  const Index jumps = Index(p.scene.breakpoints.size());
-  if (!p.sources || 2 * jumps < p.J) return;
-  Index factor = 2;
-  while (factor * p.J < parts_of_a_part * jumps && factor < largest_factor) factor *= 2;
-  if (factor * p.J > most_steps || comes_out_the_same(method, factor, {seen, seen}, result)) return;
-  add_warning(result, text("f or g jumps or has a kink %.2g times a step, and with %ld steps another result comes out: "
-                           "use more steps",
-                           double(jumps) / double(p.J), long(factor * p.J)));
-}
-
 // A solution that is not the only one is said to be one of several, where another one is seen.
 void Certification::look_for_other_solutions(Result& result) {
   const DiscreteProblem& p = methods_.problem();
@@ -252,17 +236,12 @@ void Certification::look_for_other_solutions(Result& result) {
   const OtherSolution other = Methods::has_small_dense_state(p.scene)
                                   ? other_solution(p, result, methods_.all_states(result.method, result))
                                   : OtherSolution{};
-  if (other.row == 0)
-    add_warning(result, "y(0) is not unique: the problem at t = 0 has another solution");
-  else if (other.row > 0 && other.moves_the_state)
-    add_warning(result,
-                text("the solution is not unique: the step to t = %.6g has another solution, with another state",
-                     p.t[other.row]));
-  else if (other.row > 0)
-    add_warning(result, text("y is not unique: the step to t = %.6g has another solution, with the same state",
-                             p.t[other.row]));
-  else if (!result.well_posed && !other.searched)
-    add_warning(result, may_be_others);
+  if (other.row < 0 && (result.well_posed || other.searched)) return;
+  const NoticeCode code = other.row < 0           ? NoticeCode::may_be_others
+                          : other.row == 0        ? NoticeCode::other_start
+                          : other.moves_the_state ? NoticeCode::other_state
+                                                  : NoticeCode::other_y;
+  tell(result, {.code = code, .t = p.t[std::max<Index>(other.row, 0)]});
 }
 
 // The natural map with N x of the states that y gives by the matrix exponential: contours of the method itself do not

@@ -37,7 +37,6 @@ class Certification {
   void confirm(Method, const Magnification&, Result&);
   void resolve_modes(Method, const RowMatrix& x, Result&);
   void doubt_growth(Method, double rate, Result&);
-  void doubt_many_jumps(Method, Result&);
   void estimate_errors_at_jumps(Method, Result&);
   void look_for_other_solutions(Result&);
   Result with_half_the_step(Method, Methods& half);
@@ -53,6 +52,15 @@ class Certification {
   Backend& backend_;
   const InnerOptions& options_;
 };
+
+/// What is known of the errors of given steps, relative.
+struct StepErrors {
+  double x = 0, y = 0;
+  bool of_mean = false;  ///< y: of its mean
+};
+
+/// A notice of them.
+void tell_errors(const StepErrors&, Result&);
 
 /// Error estimate, notice and status by Result::certificate.
 void take_certificate(Result&);

@@ -35,17 +35,6 @@ double reached(const Result& events) {
   return double(rows) / double(std::max<Index>(1, events.y.rows()));
 }
 
-// The scene with all breakpoints of its sources; nothing if these are known already.
-std::optional<Scene> with_breakpoints(const Scene& given) {
-  if (given.breakpoints_are_all || (!given.f && !given.g)) return std::nullopt;
-  std::vector<double> all = find_breakpoints(given);
-  if (all.size() == given.breakpoints.size()) return std::nullopt;
-  std::optional<Scene> scene = given;
-  scene->breakpoints = std::move(all);
-  scene->breakpoints_are_all = true;
-  return scene;
-}
-
 Result by_grids(const Scene& scene, Backend& backend, const InnerOptions& options) {
   Result result = GridRefinement(scene, backend, options, options.method != Method::automatic).run();
   const bool failed = result.status == Status::tolerance_not_met && !result.error_estimate;
@@ -56,45 +45,44 @@ Result by_grids(const Scene& scene, Backend& backend, const InnerOptions& option
   by_euler.method = Method::euler;
   Result first_order = GridRefinement(scene, backend, by_euler, false).run();
   if (first_order.status != Status::solved) return result;
-  add_warning(first_order,
-              "solved by implicit Euler, of first order: the methods of second order end with: " + result.reason);
+  first_order.kernel += "; the methods of second order end with: " + result.reason;
   return first_order;
 }
 
 }  // namespace
 
 Result solve_by_events(const Scene& given, Backend& backend, const InnerOptions& options) {
-  const std::optional<Scene> with = with_breakpoints(given);
-  return solve_by_events(with ? *with : given, backend, options, sizes_for(given, options),
+  return solve_by_events(with_all_breakpoints(given), backend, options, sizes_for(given, options),
                          event_goal(options, patient_events));
 }
 
 Result solve_to_tolerance(const Scene& given, Backend& backend, const InnerOptions& asked) {
-  std::optional<Scene> with = with_breakpoints(given);
   InnerOptions options = asked;
   if (!options.prepared) options.prepared = std::make_shared<Prepared>();
   if (!options.family) options.family = std::make_shared<GridFamily>(true);
-  if (!with && !options.prepared->stated) with = given;  // a copy, whose values nobody else can change
-  const Scene& scene = with ? *with : given;
+  Scene own = with_all_breakpoints(given);
+  const bool more = own.breakpoints.size() != given.breakpoints.size();
+  own.breakpoints_are_all = more || given.breakpoints_are_all;
+  const Scene& scene = more || !options.prepared->stated ? own : given;
   if (options.method != Method::automatic || !unsuited_to_events(scene).empty())
     return by_grids(scene, backend, options);
   const auto by_events = [&](double most_work) {
-    return solve_by_events(scene, backend, options, sizes_for(scene, options), event_goal(options, most_work));
+    return try_events(scene, backend, options, sizes_for(scene, options), event_goal(options, most_work));
   };
   const double quick = quick_events(scene);
-  Result events = by_events(quick);
-  if (events.reason.rfind(out_of_work, 0) == 0 && reached(events) >= worth_going_on)
+  EventAttempt events = by_events(quick);
+  const auto ended_by = [&events](NoticeCode code) { return events.cause && events.cause->code == code; };
+  if (ended_by(NoticeCode::too_many_steps) && reached(events.result) >= worth_going_on)
     events = by_events(1.25 / worth_going_on * quick);
-  if (events.status == Status::solved || events.status == Status::interrupted) return events;
-  if (events.reason.rfind(not_unique, 0) == 0) return events;  // no grid decides which one it is
+  if (events.result.status == Status::solved || events.result.status == Status::interrupted) return events.result;
+  if (ended_by(NoticeCode::other_y)) return events.result;  // no grid decides which one it is
   Result result = by_grids(scene, backend, options);
-  if (result.status == Status::solved && events.reason.rfind(several_solutions, 0) == 0 &&
-      result.warning.find(several_solutions) == std::string::npos)
-    add_warning(result, events.reason);  // grids go to one of them, and may all go to the same one
-  if (options.max_seconds > 0 || result.status != Status::tolerance_not_met || events.reason.rfind(out_of_work, 0) != 0)
+  if (result.status == Status::solved && result.well_posed && ended_by(NoticeCode::other_state))
+    tell(result, *events.cause);  // grids go to one of them, and may all go to the same one
+  if (options.max_seconds > 0 || result.status != Status::tolerance_not_met || !ended_by(NoticeCode::too_many_steps))
     return result;
   events = by_events(patient_events);
-  return events.status == Status::solved ? events : result;
+  return events.result.status == Status::solved ? events.result : result;
 }
 
 }  // namespace bromwich

@@ -15,7 +15,7 @@ constexpr Index most_compared_constraints = 64;
 constexpr double most_compared_values = 2e7;  ///< m J, of sparse scenes and Kronecker sums
 constexpr Index fewest_to_halve = 16, few_steps = 256;
 constexpr double looked_into = 0.02;        ///< error of half the steps, as far as it is seen
-constexpr double worth_a_warning = 0.04;    ///< error of the steps
+constexpr double seen_by_grids = 0.04;      ///< error of the steps that is told
 constexpr double counts_as_nothing = 1e-8;  ///< in natural units
 constexpr double most_ratio = 0.5;          ///< of the last difference to the one before, at most
 
@@ -67,16 +67,10 @@ void Certification::estimate_errors_at_jumps(Method method, Result& result) {
   const bool few = p.J <= few_steps;
   ErrorsOfSteps half, twice;
   if (!few && (half = apart(p.J / 2)).largest() <= looked_into) return;
-  if (few && (twice = apart(2 * p.J)).largest() <= (1 - most_ratio) * worth_a_warning) return;
+  if (few && (twice = apart(2 * p.J)).largest() <= (1 - most_ratio) * seen_by_grids) return;
   few ? half = apart(p.J / 2) : twice = apart(2 * p.J);
-  std::string parts;
-  for (const auto& [what, size] : {std::pair("x", error_by_ratio(half.x, twice.x)),
-                                   {impulses ? "the mean of y" : "y", error_by_ratio(half.y, twice.y)}})
-    if (size > worth_a_warning) parts += (parts.empty() ? "" : ", ") + text("%s by about %.0f %%", what, 100 * size);
-  if (parts.empty()) return;
-  add_warning(result, twice.largest() < INFINITY ? "with these steps the result is off: " + parts +
-                                                       " of the largest value (" + cause + "); use more steps"
-                                                 : cause + ", and twice the steps have no result; use other steps");
+  const StepErrors errors{error_by_ratio(half.x, twice.x), error_by_ratio(half.y, twice.y), impulses};
+  if (std::max(errors.x, errors.y) > seen_by_grids) tell_errors(errors, result);
 }
 
 }  // namespace bromwich

@@ -87,6 +87,8 @@ class EventControl {
         lcp_class_(selection_class(scene.M, scene.lcp_class)),
         components_(recorded_components(scene, options)) {}
 
+  const std::optional<Notice>& cause() const { return cause_; }
+
   Result run() {
     const Index J = steps_of(scene_, options_);
     rows_.emplace(scene_, backend_, chooses_grid() ? std::min(std::max(J, scene_.steps()), options_.max_steps) : J);
@@ -124,7 +126,7 @@ class EventControl {
   }
 
   static bool may_become_complete(const EventSolution& s) {
-    return !s.complete && !s.interrupted && s.reason.rfind(out_of_work, 0) != 0;
+    return !s.complete && !s.interrupted && s.end != EventEnd::out_of_work;
   }
 
   // Where the finer integration did not come to its end, a coarser one is compared with the one there is.
@@ -178,16 +180,14 @@ class EventControl {
   }
 
   // Two integrations with the same x and another y, or one of several y in both.
-  void look_for_other_y(bool met, Result& r) const {
+  void look_for_other_y(bool met, Result& r) {
     if (!met && (!y_differs_ || of_x_ > agreed * tolerance_)) return;
     const OtherSolution other = rows_->other(r);
     if (other.row < 0 || other.moves_the_state) return;
-    const std::string where =
-        std::string(not_unique) + text(": at t = %.6g another one goes with the same state", r.t[other.row]);
-    if (met)
-      add_warning(r, where);
-    else
-      r.reason = where + "; x alone can be asked for (--tol-x)";
+    const Notice notice{.code = NoticeCode::other_y, .t = r.t[other.row]};
+    if (met) return tell(r, notice);
+    cause_ = notice;
+    r.reason = sentence(notice) + "; x alone can be asked for (--tol-x)";
   }
 
   void describe(const EventSolution& s, Result& r) const {
@@ -210,15 +210,9 @@ class EventControl {
     describe(s, r);
     r.status = s.interrupted ? Status::interrupted : Status::tolerance_not_met;
     r.reason = s.reason;
+    if (s.end == EventEnd::several_solutions) cause_ = Notice{.code = NoticeCode::other_state, .t = s.until};
+    if (s.end == EventEnd::out_of_work) cause_ = Notice{NoticeCode::too_many_steps};
     return r;
-  }
-
-  static void describe_doubt(bool met, Result& r) {
-    const std::string why = "y is so small beside the terms of w that rounding decides its sign";
-    if (met)
-      add_warning(r, why);
-    else
-      r.reason = why;
   }
 
   Result finished(const EventSolution& s) {
@@ -230,15 +224,16 @@ class EventControl {
     if (std::isfinite(error)) r.error_estimate = error;
     const bool good = error <= agreed * tolerance_, met = good || (!chooses_grid() && error < nothing_known);
     r.status = met ? Status::solved : Status::tolerance_not_met;
-    if (!good && error == doubt_)
-      describe_doubt(met, r);
+    const Notice rounded{error == doubt_ ? NoticeCode::rounding_of_y : NoticeCode::rounding, error};
+    if (met && !good)
+      tell(r, rounded);
+    else if (!met && error == doubt_)
+      r.reason = sentence(rounded);
     else if (!met)
       r.reason = text("integrations with tolerances of %.0e and %.0e differ by %.1e",
                       tolerances_[tolerances_.size() - 2], tolerances_.back(), error);
-    else if (!good)
-      add_warning(r, text("the error is about %.1e, of data that magnify rounding", error));
     look_for_other_y(met, r);
-    if (!s.unique) add_warning(r, may_be_others);
+    if (!s.unique) tell(r, {NoticeCode::may_be_others});
     if (!chooses_grid() || !r.error_estimate) return r;
     ErrorEstimate e;
     e.tolerance = goal_.tolerance;
@@ -262,6 +257,7 @@ class EventControl {
   std::vector<double> tolerances_;  ///< of the integrations
   double of_y_ = INFINITY, of_x_ = INFINITY, doubt_ = 0;
   bool of_mean_ = false, y_differs_ = false;
+  std::optional<Notice> cause_;
 };
 
 }  // namespace
@@ -274,14 +270,21 @@ EventGoal event_goal(const InnerOptions& options, double most_work) {
 
 double first_longest_step(double T) { return longest_step(T, 1); }
 
+EventAttempt try_events(const Scene& scene, Backend& backend, const InnerOptions& options, const ComponentSizes& sizes,
+                        const EventGoal& goal) {
+  Timer timer;
+  EventControl control(scene, backend, options, sizes, goal);
+  EventAttempt attempt{control.run(), {}};
+  attempt.cause = control.cause();
+  attempt.result.method = Method::events;
+  Seconds& s = attempt.result.seconds;
+  s.total = s.solve = s.other = timer.lap();
+  return attempt;
+}
+
 Result solve_by_events(const Scene& scene, Backend& backend, const InnerOptions& options, const ComponentSizes& sizes,
                        const EventGoal& goal) {
-  Timer timer;
-  Result result = EventControl(scene, backend, options, sizes, goal).run();
-  result.method = Method::events;
-  Seconds& s = result.seconds;
-  s.total = s.solve = s.other = timer.lap();
-  return result;
+  return try_events(scene, backend, options, sizes, goal).result;
 }
 
 EventReference::EventReference(const Scene& scene, Backend& backend, std::vector<Index> components,

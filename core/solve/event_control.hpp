@@ -3,6 +3,7 @@
 #include "../accuracy/convergence.hpp"
 #include "../events/event_driven.hpp"
 #include "../result/inner_options.hpp"
+#include "../result/notice.hpp"
 #include "../seam/backend.hpp"
 
 #include <functional>
@@ -32,9 +33,6 @@ EventGoal event_goal(const InnerOptions&, double most_work = patient_events);
 /// EventOptions::longest_step of the first integration of solve_by_events.
 double first_longest_step(double T);
 
-/// How the reason begins where x is known and y is one of several.
-inline constexpr const char* not_unique = "y is not unique";
-
 /// A small scene by located events (core/events): two integrations, the second a thousand times as accurate. The first
 /// is returned, and its difference to the second is the estimate of its error. If that is above the tolerance, the
 /// second is compared with a third.
@@ -47,6 +45,13 @@ inline constexpr const char* not_unique = "y is not unique";
 /// early or the integrations differ by more than the tolerance, with the rows up to there. Scene::breakpoints have to
 /// be all jumps and kinks of the sources.
 Result solve_by_events(const Scene&, Backend&, const InnerOptions&, const ComponentSizes&, const EventGoal&);
+
+/// The same, with what ended it: too_many_steps, other_state or, where x is known and y is one of several, other_y.
+struct EventAttempt {
+  Result result;
+  std::optional<Notice> cause;
+};
+EventAttempt try_events(const Scene&, Backend&, const InnerOptions&, const ComponentSizes&, const EventGoal&);
 
 /// A solution by located events that errors of other methods are measured against: of two integrations the more
 /// accurate one, where they differ by less than a tenth of the tolerance.

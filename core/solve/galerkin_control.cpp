@@ -9,6 +9,7 @@
 #include "core/solve/beside_march.hpp"
 #include "core/solve/certification.hpp"
 #include "core/solve/cost.hpp"
+#include "core/solve/methods.hpp"
 
 #include <algorithm>
 #include <string>
@@ -35,30 +36,16 @@ bool compare_with_march(const Scene& scene, Backend& backend, const InnerOptions
   if (layers && !has_fast_layers(scene, result.steps)) return false;
   if (scene.boundary && !Methods::has_small_dense_state(scene)) return false;  // all states are needed in between
   const Result march = beside_march(scene, backend, options, result, x);
-  const std::string where = layers ? std::string("the state or y is faster than an interval, in which y is linear")
-                                   : text("f or g jumps or changes fast inside %ld of %ld intervals, where y is linear",
-                                          long(result.rough_steps), long(result.steps));
-  if (march.status == Status::interrupted) return false;
-  if (march.status != Status::solved) {
-    if (scene.boundary || layers) return false;  // the states of the result need not be those that march allows
-    add_warning(result, where + ", and the result could not be compared: method march ends with: " + march.reason);
-    return true;
-  }
+  if (march.status != Status::solved) return false;  // the states of the result need not be those that march allows
   const Distance d = distance(march, 1, result, 1, ComponentSizes{});
-  const double apart = std::max(d.mean, d.of_x());
-  if (!layers) result.unresolved_sources = apart;
-  if (apart > seen_beside_march)
-    add_warning(result, where + text(": method march, which %s, differs by %.0f %%: use more steps, or method march",
-                                     layers ? "damps them" : "takes them in parts", 100 * apart));
-  else if (!layers && d.y > seen_in_rows)
-    add_warning(result, where + text(": beside them y differs from that of method march, which takes them in parts, by "
-                                     "up to %.0f %%",
-                                     100 * d.y));
+  if (!layers) result.unresolved_sources = std::max(d.mean, d.of_x());
+  const bool of_mean = layers || d.y <= seen_in_rows;
+  if (std::max(d.mean, d.of_x()) > seen_beside_march || !of_mean)
+    tell_errors({d.of_x(), of_mean ? d.mean : d.y, of_mean}, result);
   return !layers;
 }
 
-// Without such a comparison, g that changes fast is named; jumps that are named have intervals with a rule of their
-// own.
+// Without such a comparison, g that changes fast is named; stated jumps have intervals with a rule of their own.
 void note_fast_g(const Scene& scene, Result& result) {
   if (!scene.g || result.status != Status::solved) return;
   const SampledSource g = sample(scene.g, result.t, scene.constraints());
@@ -66,9 +53,7 @@ void note_fast_g(const Scene& scene, Result& result) {
   if (s.unresolved == 0 && (s.disagreement_of_g == 0 || !scene.breakpoints.empty())) return;
   result.unresolved_sources = std::max(s.disagreement, s.disagreement_of_g);
   result.rough_steps = Index(s.rough.size());
-  add_warning(result, text("g changes too fast inside intervals, by up to %.0f %% of its size: use more steps, or "
-                           "method march, which takes such steps in parts",
-                           100 * result.unresolved_sources));
+  tell_sources(result.unresolved_sources, s.time, result);
 }
 
 }  // namespace

@@ -1,7 +1,7 @@
 #include "core/solve/mass_rounding.hpp"
 
-#include "core/base/text.hpp"
 #include "core/numerics/equilibration.hpp"
+#include "core/result/notice.hpp"
 #include "core/scene/mass_matrix.hpp"
 #include "core/solve/error_goal.hpp"
 #include "core/solve/reductions.hpp"
@@ -59,20 +59,13 @@ void add_rounding_of_mass(const Scene& scene, Backend& backend, const InnerOptio
   const Result other = without ? solve_valid(*without, backend, again) : Result{};
   if (other.status == Status::interrupted) return;
   const ErrorGoal goal(options);
-  const std::string cause = text("the mass matrix E is nearly singular (reciprocal condition %.1e): ", condition);
   const auto distance = other.status == Status::solved ? apart(result, other, sizes_for(scene, options)) : std::nullopt;
   const bool mean = !result.continuous || (result.errors && result.errors->of_integral);
   const double of_y = distance ? (mean ? distance->mean : distance->y) : INFINITY;
   const double of_x = distance ? distance->of_x() : INFINITY;
-  const auto changes = [&](double y, double x) {
-    const double largest = std::max(y, x);
-    return cause +
-           (std::isfinite(largest) ? text("rounding of its entries alone changes the result by %.1e", largest)
-                                   : "with its entries rounded otherwise the scene is not solved alike") +
-           "; state the nearly algebraic part as such, or in other variables";
-  };
+  const Notice notice{NoticeCode::mass_matrix, condition, std::max(of_y, of_x)};
   if (!controls_error(options)) {
-    if (!(std::max(of_y, of_x) <= seen_on_one_grid)) add_warning(result, changes(of_y, of_x));
+    if (!(notice.other <= seen_on_one_grid)) tell(result, notice);
     return;
   }
   ErrorEstimate& e = *result.errors;
@@ -82,7 +75,7 @@ void add_rounding_of_mass(const Scene& scene, Backend& backend, const InnerOptio
   if (result.error_estimate) *result.error_estimate += std::max(y, x);
   if (y <= goal.y && x <= goal.x) return;
   result.status = Status::tolerance_not_met;
-  result.reason = changes(y, x);
+  result.reason = sentence({notice.code, condition, std::max(y, x)});
 }
 
 }  // namespace bromwich

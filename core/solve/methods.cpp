@@ -13,8 +13,10 @@
 #include "core/march/stages.hpp"
 #include "core/multigrid/dual.hpp"
 #include "core/multigrid/multigrid.hpp"
+#include "core/result/notice.hpp"
 
 #include <algorithm>
+#include <iterator>
 #include <numeric>
 
 namespace bromwich {
@@ -102,6 +104,16 @@ bool Methods::run_prepared(Method method, const Options& options, Result& result
   return true;
 }
 
+const Methods::MethodOfSteps& Methods::row_of(Method method) {
+  static constexpr MethodOfSteps rows[] = {
+      {Method::march, false, &Methods::march},     {Method::euler, false, &Methods::step_by_euler},
+      {Method::multigrid, false, &Methods::cycle}, {Method::dual, false, &Methods::cycle_in_w_alone},
+      {Method::contour, true, &Methods::iterate},  {Method::contour_literal, true, &Methods::iterate_literally},
+  };
+  const auto found = std::find_if(std::begin(rows), std::end(rows), [&](const auto& r) { return r.method == method; });
+  return found == std::end(rows) ? rows[0] : *found;
+}
+
 void Methods::run(Method method, const InnerOptions& options, Result& result) {
   result.method = method;
   result.t = problem_.t;
@@ -109,45 +121,30 @@ void Methods::run(Method method, const InnerOptions& options, Result& result) {
   Timer timer;
   if (method != Method::euler && method != Method::dual && !basis().rings) operator_->missing_weights();
   result.seconds.setup += timer.lap();
-  switch (method) {
-    case Method::dual:
-      cycle_in_w(method, options, result);
-      break;
-    case Method::multigrid:
-    case Method::contour:
-    case Method::contour_literal:
-      if (method == Method::multigrid && basis().rings) {
-        cycle_in_w(method, options, result);
-      } else if (basis().rings) {
-        result.status = Status::unsupported;
-        result.reason = basis().reason + ": " + basis().refusal + "; use method march or euler";
-      } else if (method == Method::contour_literal && !problem_.small_state() && !problem_.modes()) {
-        refuse("contour-literal works with dense dynamics and Kronecker sums", result);
-      } else if (method == Method::contour) {
-        iterate(options, result);
-      } else if (method == Method::multigrid) {
-        cycle(options, result);
-      } else {
-        solve_literally(problem_, options, result);
-      }
-      break;
-    case Method::euler:
-      if (operator_->marches_by_euler())
-        run_prepared(method, options, result,
-                     [&] { return prepare_march(operator_of(method), Rule::implicit_euler, options); });
-      else
-        step_in_stages(1, options, result);
-      break;
-    case Method::shooting:
-      shoot(options, result);
-      break;
-    default:
-      march(options, result);
-      break;
-  }
+  const MethodOfSteps& row = row_of(method);
+  if (row.y_is_line && basis().rings)
+    refuse(basis().reason + ": " + basis().refusal, result);
+  else
+    (this->*row.run)(options, result);
   judge_start(method, result);
   record_states(method, result);
   report_sources(result);
+}
+
+void Methods::step_by_euler(const InnerOptions& options, Result& result) {
+  if (!operator_->marches_by_euler()) return step_in_stages(1, options, result);
+  run_prepared(Method::euler, options, result,
+               [&] { return prepare_march(operator_of(Method::euler), Rule::implicit_euler, options); });
+}
+
+void Methods::cycle_in_w_alone(const InnerOptions& options, Result& result) {
+  cycle_in_w(Method::dual, options, result);
+}
+
+void Methods::iterate_literally(const InnerOptions& options, Result& result) {
+  if (!problem_.small_state() && !problem_.modes())
+    return refuse("contour-literal works with dense dynamics and Kronecker sums", result);
+  solve_literally(problem_, options, result);
 }
 
 void Methods::march(const InnerOptions& options, Result& result) {
@@ -213,13 +210,13 @@ double Methods::surplus_of_start(Method method, const Result& result) const {
 void Methods::judge_start(Method method, Result& result) const {
   const double surplus = surplus_of_start(method, result);
   if (surplus <= told_surplus) return;
-  const std::string why = text(
-      "x0 violates the constraints, and y falls from its first value within a step, whose line adds up to %.0f %% of "
-      "the integral of y: use more steps",
-      100 * surplus);
-  if (surplus <= most_surplus) return add_warning(result, why);
+  if (surplus <= most_surplus)
+    return tell(result, {.code = NoticeCode::error_of_steps, .other = surplus, .of_mean = true});
   result.status = Status::tolerance_not_met;
-  result.reason = why + " or method march";
+  result.reason = text(
+      "x0 violates the constraints, and y falls from its first value within a step, whose line adds up to %.0f %% of "
+      "the integral of y: use more steps or method march",
+      100 * surplus);
 }
 
 // Without a small state, weights of steps hold no parts of steps. The stages of parts do, where n x n matrices are
@@ -266,7 +263,7 @@ RowMatrix Methods::all_states(Method method, const Result& result) const {
   return operator_of(euler ? Method::euler : method).states(rule, result.y, all, result.defects.get());
 }
 
-void Methods::iterate(const Options& options, Result& result) {
+void Methods::iterate(const InnerOptions& options, Result& result) {
   if (const std::string why = operator_->missing_weights(); !why.empty()) return refuse(why, result);
   if (const std::string why = never_contracts(problem_, *operator_); !why.empty()) return refuse(why, result);
   const Index window = iteration_window(problem_, options.iteration_tolerance);
@@ -277,7 +274,8 @@ void Methods::iterate(const Options& options, Result& result) {
   run_prepared(Method::contour, options, result, [&] { return prepare_iteration(*operator_, options); });
 }
 
-void Methods::cycle(const Options& options, Result& result) {
+void Methods::cycle(const InnerOptions& options, Result& result) {
+  if (basis().rings) return void(cycle_in_w(Method::multigrid, options, result));
   if (const std::string why = operator_->missing_weights(); !why.empty()) return refuse(why, result);
   if (run_prepared(Method::multigrid, options, result, [&] { return prepare_multigrid(*operator_, options); })) {
     result.form = "primal";
@@ -351,21 +349,14 @@ void Methods::tell_sources(Result& result) const {
   if (!problem_.sources) return;
   const SourceSteps& s = *problem_.sources;
   const bool parts = result.defects != nullptr;
-  if (s.unresolved > 0)
-    add_warning(result,
-                text("f or g changes too fast inside %ld of %ld steps (first seen around t = %.6g): use more steps",
-                     long(s.unresolved), long(problem_.J), s.time));
-  else if (s.disagreement > seen_in_parts)
-    add_warning(result,
-                text("f or g goes up and down inside of steps (t = %.6g), whose parts follow it to %.0f %%: use "
-                     "more steps",
-                     s.time, 100 * s.disagreement));
-  else if (!parts && s.disagreement_of_g > 0)
-    add_warning(result, text("g changes too fast inside steps, by up to %.0f %% of its size: use more steps, or method "
-                             "march, which takes such steps in parts",
-                             100 * result.unresolved_sources));
+  if (s.unresolved > 0 || s.disagreement > seen_in_parts || (!parts && s.disagreement_of_g > 0))
+    bromwich::tell_sources(s.unresolved > 0 ? NAN : result.unresolved_sources, s.time, result);
   else if (result.jumps_inside)
-    add_warning(result, "g jumps inside steps, where this method has order 1: method march takes such steps in parts");
+    tell(result, {NoticeCode::undivided_jumps});
+}
+
+void tell_sources(double missed, double t, Result& result) {
+  tell(result, {.code = NoticeCode::unresolved_sources, .size = missed, .t = t});
 }
 
 }  // namespace bromwich

@@ -45,6 +45,13 @@ class Methods {
   const BasisChoice& basis() { return operator_->basis(); }
 
  private:
+  struct MethodOfSteps {
+    Method method;
+    bool y_is_line;  ///< it needs a continuous piecewise-linear y
+    void (Methods::*run)(const InnerOptions&, Result&);
+  };
+  static const MethodOfSteps& row_of(Method);
+
   void march(const InnerOptions&, Result&);
   void shoot(const InnerOptions&, Result&);
   void march_by_weights(const InnerOptions&, Result&);
@@ -52,8 +59,11 @@ class Methods {
   void judge_start(Method, Result&) const;
   bool divides_in_stages() const;
   void step_in_stages(Index stages, const InnerOptions&, Result&, const ScanPlan* plan = nullptr);
-  void iterate(const Options&, Result&);
-  void cycle(const Options&, Result&);
+  void step_by_euler(const InnerOptions&, Result&);
+  void iterate(const InnerOptions&, Result&);
+  void iterate_literally(const InnerOptions&, Result&);
+  void cycle(const InnerOptions&, Result&);
+  void cycle_in_w_alone(const InnerOptions&, Result&);
   void keep_all_states(Result&);
   bool cycle_in_w(Method, const Options&, Result&);
   void report_sources(Result&) const;
@@ -75,5 +85,8 @@ class Methods {
   bool keeps_ = false, look_inside_every_step_ = false;
   RowMatrix stage_states_;  ///< all states of the last run in stages, where there are few
 };
+
+/// A notice of sources that a grid misses by so much, NaN if it is not known, around t.
+void tell_sources(double missed, double t, Result&);
 
 }  // namespace bromwich

@@ -48,47 +48,29 @@ class Run {
     if (result.status == Status::solved && !result.certificate) methods_.tell_sources(result);
   }
 
-  // Tries the methods in the order of their predicted times. If one does not fit into memory or ends without a solution
-  // (in marching M + W_0 may leave the class of M; the iteration needs M only), the next one follows, and implicit
-  // Euler last. Euler is not tried if the steps are too long for a better method: it is less accurate on the same grid.
+  // Tries the methods in the order of their predicted times, after those that are faster where they serve. If one does
+  // not fit into memory or ends without a solution (in marching M + W_0 may leave the class of M; the iteration needs M
+  // only), the next one follows, and implicit Euler last. Euler is not tried if the steps are too long for a better
+  // method: it is less accurate on the same grid.
   void automatic(Result& result) {
     const DiscreteProblem& p = methods_.problem();
-    const BackendTraits& traits = backend_.traits();
-    if (traits.one_at_a_time && p.face().size() == 1 && p.scene.constraints() > largest_marched &&
-        iterate_first(result))
-      return;
-    if (pays_in_w() && against(Method::dual).empty() && cycle_first(result)) return;
-    std::string before;
-    const std::vector<Method> methods = methods_by_time(traits, p.scene, p.lcp_class, p.J);
+    for (const EarlyMethod& early : early_methods())
+      if (run_early(early, result)) return;
+    const std::vector<Method> methods = methods_by_time(backend_.traits(), p.scene, p.lcp_class, p.J);
     note(options_.log, level(), "auto tries %s", listed(methods).c_str());
+    std::string before;
     for (const Method method : methods) {
       if (method == Method::euler && !options_.fall_back_to_euler) {
         if (result.reason.empty()) result.reason = "no method of second order applies" + before;
         return;
       }
-      if (const std::string why = against(method); !why.empty()) {
-        before += std::string("; not ") + to_string(method) + ": " + why;
-        note(options_.log, LogLevel::info, "not %s: %s", to_string(method), why.c_str());
-        continue;
+      std::string why = against(method);
+      if (why.empty()) {
+        if (run_in_turn(method, before, result) || certification_.sensitive()) return;
+        why = last_reason_;
       }
-      Result next;
-      next.seconds.setup = result.seconds.setup;
-      const bool stands_in = method == Method::euler && !result.reason.empty();
-      const std::string refused = result.reason;
-      if (stands_in) certification_.expect_last_resort(result.well_posed);
-      named(method, next);
-      // Implicit Euler, the last resort, is too inexact to prove that there is no solution where the others did not.
-      const bool ended = next.status != Status::tolerance_not_met && next.status != Status::unsupported &&
-                         (method != Method::euler || next.status != Status::infeasible);
-      const std::string reason = next.reason;
-      if (ended || result.reason.empty()) {  // of several failures the first is the one to explain
-        result = std::move(next);
-        if (ended) result.kernel += before;
-        if (ended && stands_in && result.status == Status::solved) say_who_stands_in(refused, result);
-      }
-      if (ended || certification_.sensitive()) return;
-      before += std::string("; not ") + to_string(method) + ": " + reason;
-      note(options_.log, LogLevel::info, "%s ends: %s", to_string(method), reason.c_str());
+      before += std::string("; not ") + to_string(method) + ": " + why;
+      note(options_.log, LogLevel::info, "not %s: %s", to_string(method), why.c_str());
     }
   }
 
@@ -102,8 +84,75 @@ class Run {
     return words;
   }
 
-  static void say_who_stands_in(const std::string& refused, Result& result) {
-    add_warning(result, "implicit Euler stands in for a method of higher order, for which " + refused);
+  // True if its result is that of the solve. Of several failures the first is the one to explain.
+  bool run_in_turn(Method method, const std::string& before, Result& result) {
+    Result next;
+    next.seconds.setup = result.seconds.setup;
+    if (method == Method::euler && !result.reason.empty()) certification_.expect_last_resort(result.well_posed);
+    named(method, next);
+    // Implicit Euler, the last resort, is too inexact to prove that there is no solution where the others did not.
+    const bool ended = next.status != Status::tolerance_not_met && next.status != Status::unsupported &&
+                       (method != Method::euler || next.status != Status::infeasible);
+    last_reason_ = next.reason;
+    if (!ended && !result.reason.empty()) return false;
+    result = std::move(next);
+    if (ended) result.kernel += before;
+    return ended;
+  }
+
+  // A method that is faster than those of methods_by_time where it serves.
+  struct EarlyMethod {
+    Method method;
+    bool wanted;
+    Index most_iterations;
+    bool (*serves)(const Result&);
+    const char* words;
+  };
+
+  std::vector<EarlyMethod> early_methods() {
+    const auto is_decided = [](const Result& r) {
+      return r.status == Status::solved || r.status == Status::infeasible;
+    };
+    // Only with the stages that march has, and only a solution that passes all checks.
+    const auto has_stages = [](const Result& r) {
+      return (r.status == Status::solved && !r.continuous) || r.status == Status::interrupted;
+    };
+    return {{Method::contour, pays_in_sweeps(), affordable_sweeps(), is_decided,
+             "; taken before march, whose n x n problems cost more"},
+            {Method::dual, pays_in_w() && against(Method::dual).empty(), options_.max_iterations, has_stages,
+             "; taken before march"}};
+  }
+
+  bool run_early(const EarlyMethod& early, Result& result) {
+    if (!early.wanted) return false;
+    InnerOptions limited = options_;
+    limited.max_iterations = early.most_iterations;
+    Result first;
+    first.seconds.setup = result.seconds.setup;
+    Run(methods_, backend_, limited).named(early.method, first);
+    if (!early.serves(first)) {
+      note(options_.log, LogLevel::info, "not %s: %s", to_string(early.method),
+           first.status == Status::solved ? "its order is 1" : first.reason.c_str());
+      return false;
+    }
+    result = std::move(first);
+    result.kernel += early.words;
+    return true;
+  }
+
+  // Above this many constraints the n x n problems of marching cost more than many sweeps.
+  bool pays_in_sweeps() const {
+    const DiscreteProblem& p = methods_.problem();
+    return backend_.traits().one_at_a_time && p.face().size() == 1 && p.scene.constraints() > largest_marched;
+  }
+  static constexpr Index largest_marched = 1024;
+
+  // As many as marching is predicted to cost.
+  Index affordable_sweeps() const {
+    const DiscreteProblem& p = methods_.problem();
+    const double march = predicted_cost(p.scene, Method::march, p.J, 0).operations;
+    const double sweep = predicted_cost(p.scene, Method::contour, p.J, 0).operations / 100;
+    return std::clamp<Index>(Index(march / sweep), 1, options_.max_iterations);
   }
 
   // In w a local V is marched with the sparse matrix of many states, where marching in y has a full one. On a device
@@ -115,40 +164,6 @@ class Run {
            double(p.J) * double(p.scene.constraints()) >= fewest_cycled;
   }
   static constexpr double fewest_cycled = 1e6;  ///< n J
-
-  // Only with the stages that march has, and only a solution that passes all checks.
-  bool cycle_first(Result& result) {
-    Result first;
-    first.seconds.setup = result.seconds.setup;
-    named(Method::dual, first);
-    if (first.status != Status::solved || first.continuous) {
-      note(options_.log, LogLevel::info, "not dual: %s",
-           first.status == Status::solved ? "its order is 1" : first.reason.c_str());
-      return first.status == Status::interrupted ? (result = std::move(first), true) : false;
-    }
-    first.kernel += "; taken before march";
-    result = std::move(first);
-    return true;
-  }
-
-  // Above this many constraints the n x n problems of marching cost more than many sweeps; the iteration gets as many
-  // as marching is predicted to cost.
-  bool iterate_first(Result& result) {
-    const DiscreteProblem& p = methods_.problem();
-    const double march = predicted_cost(p.scene, Method::march, p.J, 0).operations;
-    const double sweep = predicted_cost(p.scene, Method::contour, p.J, 0).operations / 100;
-    InnerOptions limited = options_;
-    limited.max_iterations = std::clamp<Index>(Index(march / sweep), 1, options_.max_iterations);
-    Run run(methods_, backend_, limited);
-    Result first;
-    first.seconds.setup = result.seconds.setup;
-    run.named(Method::contour, first);
-    if (first.status != Status::solved && first.status != Status::infeasible) return false;
-    first.kernel += "; taken before march, whose n x n problems cost more";
-    result = std::move(first);
-    return true;
-  }
-  static constexpr Index largest_marched = 1024;
 
   // The reason not to run a method, known in advance; empty: none.
   std::string against(Method method) {
@@ -191,6 +206,7 @@ class Run {
   Backend& backend_;
   const InnerOptions& options_;
   Certification certification_;
+  std::string last_reason_;
 };
 
 bool finite_sources(const DiscreteProblem& p, Result& result) {

@@ -4,6 +4,7 @@
 #include "core/base/timer.hpp"
 #include "core/galerkin/checks.hpp"
 #include "core/lcp/lcp_class.hpp"
+#include "core/result/notice.hpp"
 #include "core/scene/breakpoints.hpp"
 #include "core/shooting/located_shooting.hpp"
 #include "core/solve/error_goal.hpp"
@@ -22,8 +23,6 @@ namespace {
 
 constexpr std::array<double, 2> shooting_tolerances{1e-10, 1e-12};  ///< of the integrations, see EventOptions
 constexpr double most_error = 1e-4;                                 ///< where no tolerance is given
-constexpr const char* several_starts =
-    "other states fulfil the boundary condition too: E0 + ET D is singular, D the derivative of x(T) by x(0)";
 
 Scene with_start(const Scene& scene, const Vector& x0) {
   Scene started = scene;
@@ -63,7 +62,7 @@ void describe(const Scene& scene, const ShootingSolution& s, Result& r) {
   if (is_periodic(c)) r.multipliers = eigenvalues_of(s.D);
   if (!s.determined && r.status == Status::solved) {
     r.well_posed = false;
-    add_warning(r, several_starts);
+    tell(r, {NoticeCode::several_starts});
   }
 }
 

@@ -5,10 +5,12 @@
 #include "core/base/text.hpp"
 #include "core/base/timer.hpp"
 #include "core/result/located.hpp"
+#include "core/result/notice.hpp"
 #include "core/scene/coarse_sources.hpp"
 #include "core/scene/mass_matrix.hpp"
 #include "core/solve/engines.hpp"
 #include "core/solve/mass_rounding.hpp"
+#include "core/solve/methods.hpp"
 #include "core/solve/reductions.hpp"
 #include "core/solve/unsolved.hpp"
 
@@ -24,7 +26,7 @@ namespace bromwich {
 namespace {
 
 constexpr Index most_steps = Index(1) << 24;
-constexpr double most_unresolved = 0.01;  ///< of a source: methods have given a warning above
+constexpr double most_unresolved = 0.01;  ///< of a source: methods have told of more
 
 void check_event_location(const Scene& scene, const Options& options) {
   if (!options.event_location) return;
@@ -135,7 +137,7 @@ void report_coarse_sources(const Scene& scene, const Options& options, Result& r
   const CoarseSources coarse = find_coarse_sources(scene, result.t);
   if (coarse.missed == 0) return;
   result.unresolved_sources = std::max(result.unresolved_sources, coarse.missed);
-  add_warning(result, warning_of(coarse));
+  tell_sources(coarse.missed, coarse.time, result);
 }
 
 }  // namespace
@@ -147,6 +149,8 @@ Result solve_valid(const Scene& scene, Backend& backend, const InnerOptions& opt
   Result result = until_interrupted(scene, backend, options);
   add_rounding_of_mass(scene, backend, options, result);
   report_coarse_sources(scene, options, result);
+  const bool replaced = options.method == Method::automatic && result.method == Method::euler;
+  if (replaced && result.status == Status::solved) tell(result, {NoticeCode::first_order});
   // What the stages spend beside solves, such as the search for jumps of the sources, belongs to the set-up.
   const double whole = timer.lap();
   result.seconds.setup += std::max(0.0, whole - result.seconds.total);

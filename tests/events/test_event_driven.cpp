@@ -333,7 +333,7 @@ TEST(EventDriven, CountsTheValuesOfSourcesAsWork) {
   options.most_work = 1e6;  // 16384 values looked at, of 3 components, cost more
   const EventSolution s = integrate_with_events(scene, LcpClass::PSD, {}, options);
   EXPECT_FALSE(s.complete);
-  EXPECT_EQ(s.reason.rfind(out_of_work, 0), 0u) << s.reason;
+  EXPECT_EQ(s.end, EventEnd::out_of_work) << s.reason;
 }
 
 TEST(EventDriven, EndsWithAReason) {
@@ -341,7 +341,7 @@ TEST(EventDriven, EndsWithAReason) {
   options.most_work = 1;
   const EventSolution worked = integrate_with_events(ball(0.5), LcpClass::PSD, {}, options);
   EXPECT_FALSE(worked.complete);
-  EXPECT_EQ(worked.reason.rfind(out_of_work, 0), 0u) << worked.reason;
+  EXPECT_EQ(worked.end, EventEnd::out_of_work) << worked.reason;
   options = {};
   options.interrupted = [] { return true; };
   const EventSolution stopped = integrate_with_events(ball(0.5), LcpClass::PSD, {}, options);

@@ -310,8 +310,8 @@ TEST(Galerkin, AContactInsideAnIntervalIsNamedWithAnyNumberOfStates) {
     options.states = StateSelection::all;
     const Result r = run(scene, options);
     EXPECT_LT(integral_of_y(r).bottomRows(1)(0, 0), 0.005) << m;  // half of the true one
-    const std::string said = r.warning + r.reason, by_march = "method march, which takes them in parts";
-    EXPECT_NE(said.find(m == 2 ? "the result is off: x by" : by_march), std::string::npos) << m << ": " << said;
+    const std::string said = r.warning + r.reason;
+    EXPECT_NE(said.find("the result is off: "), std::string::npos) << m << ": " << said;
   }
 }
 
