@@ -77,7 +77,7 @@ Result solve_to_tolerance(const Scene& given, Backend& backend, const InnerOptio
   if (events.result.status == Status::solved || events.result.status == Status::interrupted) return events.result;
   if (ended_by(NoticeCode::other_y)) return events.result;  // no grid decides which one it is
   Result result = by_grids(scene, backend, options);
-  if (result.status == Status::solved && result.well_posed && ended_by(NoticeCode::other_state))
+  if (result.status == Status::solved && ended_by(NoticeCode::other_state))
     tell(result, *events.cause);  // grids go to one of them, and may all go to the same one
   if (options.max_seconds > 0 || result.status != Status::tolerance_not_met || !ended_by(NoticeCode::too_many_steps))
     return result;

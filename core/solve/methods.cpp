@@ -109,6 +109,7 @@ const Methods::MethodOfSteps& Methods::row_of(Method method) {
       {Method::march, false, &Methods::march},     {Method::euler, false, &Methods::step_by_euler},
       {Method::multigrid, false, &Methods::cycle}, {Method::dual, false, &Methods::cycle_in_w_alone},
       {Method::contour, true, &Methods::iterate},  {Method::contour_literal, true, &Methods::iterate_literally},
+      {Method::shooting, false, &Methods::shoot},
   };
   const auto found = std::find_if(std::begin(rows), std::end(rows), [&](const auto& r) { return r.method == method; });
   return found == std::end(rows) ? rows[0] : *found;
