@@ -195,16 +195,21 @@ void Methods::march_by_weights(const InnerOptions& options, Result& result) {
 
 // Where x0 violates the constraints y_0 answers it, and dynamics that decide y let it vanish within a step. As a line
 // over the first step it then moves the state by a multiple of what y does. This is the part of the integral of y that
-// such a line may add; of few steps the first is no small part in any case. Small states have rules that see it in
-// their matrices.
+// such a line may add, or a bound below told_surplus; of few steps the first is no small part in any case. Small states
+// have rules that see it in their matrices.
 double Methods::surplus_of_start(Method method, const Result& result) const {
   constexpr Index fewest_steps = 16;
   if (problem_.J < fewest_steps) return 0;
   if (problem_.small_state() || by_euler(method, result) || !result.continuous || result.y.rows() < 2) return 0;
   if (result.status != Status::solved || !(problem_.start.array() < 0).any()) return 0;
-  const double fall = (result.y.row(0) - result.y.row(1)).maxCoeff(),
-               whole = integral_of_y(result).cwiseAbs().maxCoeff();
-  return whole > 0 ? 0.5 * problem_.h * fall / whole : 0;
+  const double fall = (result.y.row(0) - result.y.row(1)).maxCoeff(), added = 0.5 * problem_.h * fall;
+  Vector integral = Vector::Zero(result.y.cols());
+  double largest = 0;
+  for (Index j = 1; j < result.y.rows() && added > told_surplus * largest; ++j) {
+    integral += problem_.h / 2 * (result.y.row(j - 1) + result.y.row(j)).transpose();
+    largest = std::max(largest, integral.cwiseAbs().maxCoeff());
+  }
+  return largest > 0 ? std::max(0.0, added / largest) : 0;
 }
 
 // Other methods than march are not replaced by another one.
