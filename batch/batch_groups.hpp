@@ -11,7 +11,6 @@ namespace bromwich {
 /// The scene from which sizes and times are taken.
 inline const Scene& first_of(const Batch& b) { return b.own.empty() ? b.common : b.own.front(); }
 
-inline bool same_units(const NaturalUnits& a, const NaturalUnits& b) { return a.x == b.x && a.y == b.y && a.w == b.w; }
 
 /// Some scene has A, B, N, M or E of its own.
 bool own_matrices(const Batch&);

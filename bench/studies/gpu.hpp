@@ -2,7 +2,10 @@
 // The parts of `bench gpu`: operations of the CUDA backend, and whole solves compared with those of the CPU.
 
 #include "bench/studies/study.hpp"
+#include "core/solve/kept_solver.hpp"
 #include "kernels/ceilings.hpp"
+
+#include <memory>
 
 namespace bromwich::app {
 
@@ -27,6 +30,8 @@ struct GpuContestant {
   Deviation error = {};
   Samples samples = {};
   std::vector<double> sweeps = {};
+  /// Of the same scene again, with what the solve before has prepared; null: each solve prepares all.
+  std::shared_ptr<KeptSolver> kept = nullptr;
 };
 std::vector<GpuContestant> measure_solves(const Scene& scene, Index J, Backend& cuda, Backend& one, Backend& all,
                                           int repeats, bool quick);

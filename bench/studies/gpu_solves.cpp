@@ -13,6 +13,7 @@ namespace {
 // Runs that take long on the CPU, or are slow on the device, are omitted; values are steps times constraints.
 constexpr double most_host_values = 2.2e6;   ///< for time stepping on the CPU
 constexpr double most_equal_values = 1.2e7;  ///< for implicit Euler at equal error
+constexpr double algebraic_share = 0.05;     ///< of the discretisation error, where cycles end
 constexpr Index most_marched = 512;          ///< constraints: above, exchanges of the device's march are slow
 constexpr double most_exact_values = 2.2e6;  ///< for the iteration to 1e-12
 
@@ -29,7 +30,13 @@ std::vector<GpuContestant> contestants(const Scene& scene, Index J, Backend& cud
   paper.iteration_tolerance = std::min(scene.T / double(J), d.along.spacing * d.along.spacing) / 50;  // (4.8)
   const Index n = scene.constraints();
   const double values = double(J) * double(n);
-  std::vector<GpuContestant> list{{"contour to (4.8), cuda", &cuda, paper}};
+  Options cycles = with(Method::multigrid, J);
+  cycles.tuning.algebraic_share = algebraic_share;
+  std::vector<GpuContestant> list{{"contour to (4.8), cuda", &cuda, paper},
+                                  {"contour to (4.8), cuda, again", &cuda, paper},
+                                  {"multigrid, cuda", &cuda, cycles},
+                                  {"multigrid, cuda, again", &cuda, cycles}};
+  for (const std::size_t again : {1, 3}) list[again].kept = std::make_shared<KeptSolver>(cuda);
   if (values <= most_exact_values) list.push_back({"contour, cuda", &cuda, with(Method::contour, J)});
   if (n <= most_marched) list.push_back({"march, cuda", &cuda, with(Method::march, J)});
   if (values > most_host_values) return list;
@@ -40,8 +47,12 @@ std::vector<GpuContestant> contestants(const Scene& scene, Index J, Backend& cud
   return list;
 }
 
+Result solve_once(const GpuContestant& c, const Scene& scene) {
+  return c.kept ? c.kept->solve(scene, c.options) : solve(scene, *c.backend, c.options);
+}
+
 void warm_up(GpuContestant& c, const Scene& scene, const Truth* truth) {
-  c.result = solve(scene, *c.backend, c.options);
+  c.result = solve_once(c, scene);
   if (truth) c.error = truth->of(c.result).y;
   for (RowMatrix* array : {&c.result.y, &c.result.x}) array->resize(0, 0);
 }
@@ -74,7 +85,7 @@ std::vector<GpuContestant> measure_solves(const Scene& scene, Index J, Backend& 
   for (int round = 0; round < repeats; ++round)
     for (GpuContestant& c : list) {
       if (c.result.seconds.total > 1 && round > 0) continue;  // long runs are timed once more only
-      const Seconds seconds = solve(scene, *c.backend, c.options).seconds;
+      const Seconds seconds = solve_once(c, scene).seconds;
       c.samples.add(seconds.total, seconds.setup, seconds.solve);
       c.sweeps.push_back(seconds.sweeps);
     }

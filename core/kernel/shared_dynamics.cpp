@@ -1,6 +1,7 @@
 #include "core/kernel/shared_dynamics.hpp"
 
 #include "core/lcp/lcp_class.hpp"
+#include "core/lcp/same_matrix.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -13,21 +14,6 @@ constexpr Index largest_kept_step = 512;                    ///< states: three m
 constexpr double earlier_fit = 64;                          ///< six halvings; the number of rates hardly changes
 constexpr double most_kept_bytes = double(Index(1) << 28);  ///< of shifted solves
 constexpr std::size_t most_dynamics = 4;                    ///< a scene, and what three reductions make of it
-
-bool same(const SparseMatrix& a, const SparseMatrix& b) {
-  return a.rows() == b.rows() && a.cols() == b.cols() && (a.size() == 0 || SparseMatrix(a - b).norm() == 0);
-}
-
-bool same(const LcpMatrix& a, const LcpMatrix& b) {
-  if (a.index() != b.index()) return false;
-  if (const auto* dense = std::get_if<Matrix>(&a)) {
-    const Matrix& other = std::get<Matrix>(b);
-    return dense->rows() == other.rows() && dense->cols() == other.cols() && *dense == other;
-  }
-  if (const auto* sparse = sparse_of(a)) return same(*sparse, *sparse_of(b));
-  const auto &s = std::get<Tridiagonal>(a), &t = std::get<Tridiagonal>(b);
-  return s.diagonal.size() == t.diagonal.size() && s.diagonal == t.diagonal && s.lower == t.lower && s.upper == t.upper;
-}
 
 PreparationCounts operator+(PreparationCounts a, const PreparationCounts& b) {
   a.exponentials += b.exponentials;

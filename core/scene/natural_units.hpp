@@ -12,6 +12,9 @@ struct NaturalUnits {
   bool trivial() const { return x.empty(); }
 };
 
+/// Of initial values: those of boundary rows do not count.
+inline bool same_units(const NaturalUnits& a, const NaturalUnits& b) { return a.x == b.x && a.y == b.y && a.w == b.w; }
+
 /// Exponents are between -140 and 140.
 inline constexpr int largest_exponent = 140;
 

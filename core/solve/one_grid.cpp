@@ -5,6 +5,7 @@
 #include "core/base/timer.hpp"
 #include "core/dual/local_march.hpp"
 #include "core/iteration/windows.hpp"
+#include "core/lcp/same_matrix.hpp"
 #include "core/solve/certification.hpp"
 #include "core/solve/cost.hpp"
 #include "core/solve/method_choice.hpp"
@@ -222,8 +223,7 @@ bool finite_sources(const DiscreteProblem& p, Result& result) {
 
 // How f enters: reductions of the scene derive that from which sources there are.
 bool same_entry(const Scene& a, const Scene& b) {
-  if (a.f_entry != b.f_entry || a.F.rows() != b.F.rows() || a.F.cols() != b.F.cols()) return false;
-  return a.F.size() == 0 || SparseMatrix(a.F - b.F).norm() == 0;
+  return a.f_entry == b.f_entry && same(a.F, b.F);
 }
 
 // The grid that a Solver keeps for these steps, if its methods are for this scene; a new one in its place otherwise.

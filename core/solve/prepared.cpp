@@ -1,6 +1,18 @@
 #include "core/solve/prepared.hpp"
 
+#include <utility>
+
 namespace bromwich {
+
+const NaturalUnits& Prepared::units_of_solve(const std::function<NaturalUnits()>& now) {
+  if (units && !units_may_change) return *units;
+  NaturalUnits found = now();
+  if (units && !same_units(*units, found)) {
+    grids.clear();
+    reduced_.clear();
+  }
+  return units.emplace(std::move(found));
+}
 
 Dynamics Prepared::reduced(ReducedDynamics reduction, const Dynamics& given, const Dynamics& made) {
   const auto found = reduced_.find(reduction);

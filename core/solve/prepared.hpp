@@ -8,6 +8,7 @@
 #include "methods.hpp"
 #include "mixed.hpp"
 
+#include <functional>
 #include <map>
 #include <memory>
 #include <optional>
@@ -28,6 +29,7 @@ enum class ReducedDynamics { units, mass, written_out, free_rows, symmetric };
 
 struct Prepared {
   std::optional<NaturalUnits> units;    ///< of the first solve, used by all later ones
+  bool units_may_change = false;        ///< those of the last solve instead: with others nothing is kept
   const Scene* stated = nullptr;        ///< the scene of the Solver; null: there is none, and no methods are kept
   std::map<Index, PreparedGrid> grids;  ///< by the number of steps
 
@@ -35,6 +37,9 @@ struct Prepared {
   void add(const Changes& changes) {
     for (auto& [steps, grid] : grids) grid.changes.add(changes);
   }
+
+  /// The units of a solve, which are `now` where they may change.
+  const NaturalUnits& units_of_solve(const std::function<NaturalUnits()>& now);
 
   /// `made`, or the dynamics that the same reduction has made of `given` before, so that grids keep the data that they
   /// share.

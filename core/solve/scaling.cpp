@@ -314,9 +314,9 @@ Result to_units_of_scene(Result result, const NaturalUnits& units) {
 
 std::optional<Reduction> natural_units_of(const Scene& scene, const InnerOptions& options) {
   if (options.method == Method::goal) return std::nullopt;
-  const bool known = options.prepared && options.prepared->units;
-  const auto units = std::make_shared<const NaturalUnits>(known ? *options.prepared->units : natural_units(scene));
-  if (options.prepared) options.prepared->units = *units;
+  const auto of_scene = [&] { return natural_units(scene); };
+  const auto units =
+      std::make_shared<const NaturalUnits>(options.prepared ? options.prepared->units_of_solve(of_scene) : of_scene());
   if (units->trivial()) return std::nullopt;
   note(options.log, LogLevel::debug, "solved in natural units: powers of ten that bring x, y and w near 1");
   Reduction made{in_natural_units(scene, *units), options};

@@ -73,6 +73,7 @@ def solve(
     memory_limit: float | None = None,
     event_location: bool = False,
     confirm: bool = True,
+    reuse: bool = True,
     **arguments: Any,
 ) -> Result:
     """Solves a scene on the time points t_j = j T/J, j = 0..J::
@@ -111,6 +112,10 @@ def solve(
         event_location: method galerkin: solve again with nodes where constraints switch.
         confirm: False: solve once, and never again with other steps where something speaks against the result. For
             loops that have no time for it.
+        reuse: keep what this solve prepares (fits, factorizations, plans, arrays of the device) for the next call with a scene
+            of the same matrices and the same options, as a :class:`Solver` does; that of one scene for each device. The result is
+            the same to rounding. Only large scenes are kept: Kronecker sums and sparse matrices with initial values.
+            False: nothing is kept, and what was kept is dropped.
 
     Returns:
         A :class:`Result`, whatever the status is.
@@ -151,7 +156,8 @@ def solve(
     )
     on = wanted(backend, device, threads, shared)
     with reporting(progress if _speaks(shared) else None, options.iteration_tolerance) as report:
-        answer = _core.solve(scene._model, options, on, report, stop, None if shared is None else _core.Ranks(shared))
+        of_ranks = None if shared is None else _core.Ranks(shared)
+        answer = _core.solve(scene._model, options, on, report, stop, of_ranks, bool(reuse) and shared is None)
     return _checked(answer, scene, check if _speaks(shared) or check is True else False, stop)
 
 

@@ -37,25 +37,27 @@ Options with_goal(Options options, const Model& model) {
 
 /// Ranks stop together or not at all: they are asked for nothing that one of them could answer otherwise.
 std::shared_ptr<Machine> machine_of(const std::shared_ptr<PythonRanks>& ranks, const Wanted& wanted, const Scene& scene,
-                                    const Options& options, bool own = false) {
-  if (!ranks) return machine_for(wanted, scene, options, own);
+                                    const Options& options, bool own, bool keeps) {
+  if (!ranks) return machine_for(wanted, scene, options, own, keeps);
   check_same(*ranks, scene, options);
   return machine_on_ranks(ranks, wanted, scene, options);
 }
 
 std::shared_ptr<Answer> solve_once(std::shared_ptr<const Model> model, const Options& given, const Wanted& wanted,
-                                   nb::object progress, nb::object stop, std::shared_ptr<PythonRanks> ranks) {
+                                   nb::object progress, nb::object stop, std::shared_ptr<PythonRanks> ranks,
+                                   bool reuse) {
   Calls calls(std::move(progress), std::move(stop));
   return unlocked(calls, [&] {
     for (const auto& forget : model->forget) forget();
     Options options = with_goal(given, *model);
-    const auto machine = machine_of(ranks, wanted, model->scene, options);
+    const auto machine = machine_of(ranks, wanted, model->scene, options, false, reuse);
     auto answer = std::make_shared<Answer>(
         Answer{model, machine_of_result(machine, model->scene, options, wanted.threads), options, {}, false, {}});
     options.progress = [&](const Progress& p) { calls.progress(p); };
     if (!ranks) options.interrupted = [&] { return calls.interrupted(); };
     const std::lock_guard lock(machine->busy);
-    answer->result = solve(model->scene, *machine->backend, options);
+    answer->result =
+        reuse ? machine->kept.solve(model->scene, options) : solve(model->scene, *machine->backend, options);
     return answer;
   });
 }
@@ -68,7 +70,7 @@ class Prepared {
       : seen_(std::move(model)),
         options_(with_goal(given, *seen_)),
         threads_(wanted.threads),
-        machine_(machine_of(ranks, wanted, seen_->scene, options_, true)),
+        machine_(machine_of(ranks, wanted, seen_->scene, options_, true, false)),
         solver_(seen_->scene, *machine_->backend, listened(options_)) {}
 
   void set_x0(const Array1& x0) {
@@ -183,7 +185,7 @@ void bind_solving(nb::module_& m) {
           },
           nb::arg("backend"), nb::arg("device").none(), nb::arg("number_here"), nb::arg("threads"));
   m.def("solve", &solve_once, nb::arg("model"), nb::arg("options"), nb::arg("wanted"), nb::arg("progress").none(),
-        nb::arg("stop").none(), nb::arg("ranks").none());
+        nb::arg("stop").none(), nb::arg("ranks").none(), nb::arg("reuse"));
   nb::class_<Prepared>(m, "Prepared")
       .def(nb::init<std::shared_ptr<const Model>, const Options&, const Wanted&, const std::shared_ptr<PythonRanks>&>(),
            nb::arg("model"), nb::arg("options"), nb::arg("wanted"), nb::arg("ranks").none())

@@ -90,7 +90,9 @@ std::unique_ptr<Backend> backend_of_rank(Communicator& ranks, const Wanted& want
 
 }  // namespace
 
-std::shared_ptr<Machine> machine_for(const Wanted& wanted, const Scene& scene, const Options& options, bool own) {
+namespace {
+
+std::shared_ptr<Machine> find_machine(const Wanted& wanted, const Scene& scene, const Options& options, bool own) {
   const auto& [word, given, number_here, threads] = wanted;
   KeptMachines& kept = kept_machines();
   const std::lock_guard lock(kept.mutex);
@@ -101,14 +103,26 @@ std::shared_ptr<Machine> machine_for(const Wanted& wanted, const Scene& scene, c
   const Index components = Index(recorded_components(scene, options).size());
   const int device = app::device_number(given, number_here);
   if (const auto found = kept.cuda.find(device);
-      found != kept.cuda.end() && found->second.fits(threads) && (word == "auto" || word == "cuda"))
-    return takes(word, scene, options, components, *found->second.machine->backend) ? found->second.machine
-                                                                                    : on_host(kept, threads, own);
+      found != kept.cuda.end() && found->second.fits(threads) && (word == "auto" || word == "cuda")) {
+    const std::shared_ptr<Machine>& machine = found->second.machine;
+    if (takes(word, scene, options, components, *machine->backend)) return machine;
+    machine->forget();
+    return takes(word, scene, options, components, *machine->backend) ? machine : on_host(kept, threads, own);
+  }
   auto made = std::make_shared<Machine>(
       app::choose_backend(word, scene, options, components, threads, !kept.cuda.empty(), device));
   made->device = device;
   if (made->backend->name() == "cuda") kept.cuda[device] = {made, threads};
   return made;
+}
+
+}  // namespace
+
+std::shared_ptr<Machine> machine_for(const Wanted& wanted, const Scene& scene, const Options& options, bool own,
+                                     bool keeps) {
+  auto machine = find_machine(wanted, scene, options, own);
+  if (!keeps) machine->forget();
+  return machine;
 }
 
 std::shared_ptr<Machine> machine_on_ranks(std::shared_ptr<Communicator> ranks, const Wanted& wanted, const Scene& scene,

@@ -3,6 +3,7 @@
 
 #include "batch/batch.hpp"
 #include "core/seam/communicator.hpp"
+#include "core/solve/kept_solver.hpp"
 #include "core/solve/solve.hpp"
 
 #include <memory>
@@ -15,13 +16,19 @@ namespace bromwich::python {
 /// A backend, used by one solve at a time.
 struct Machine {
   explicit Machine(std::unique_ptr<Backend> made, std::shared_ptr<Communicator> shared = {})
-      : ranks(std::move(shared)), backend(std::move(made)) {}
+      : ranks(std::move(shared)), backend(std::move(made)), kept(*backend) {}
 
   const std::shared_ptr<Communicator> ranks;  ///< that divide the time points of the backend; null: it has them all
   std::unique_ptr<Backend> backend;
   int device = 0;      ///< where the backend is one of a device
   MakeBackend beside;  ///< of the threads of solve_batch, kept from one call to the next; empty before the first
+  KeptSolver kept;     ///< of the last call of `solve`
   std::mutex busy;
+
+  /// What the last call of `solve` keeps takes memory from others. Nothing where a solve runs.
+  void forget() {
+    if (const std::unique_lock lock(busy, std::try_to_lock); lock.owns_lock()) kept.forget();
+  }
 };
 
 /// What a solve is asked to run on.
@@ -33,8 +40,9 @@ struct Wanted {
 };
 
 /// Backends are kept: those of devices for the whole process, that of the processor for the next solve, unless somebody
-/// is using it or `own` asks for one that nobody else has. Throws Error, naming `device`, where there is no such one.
-std::shared_ptr<Machine> machine_for(const Wanted&, const Scene&, const Options&, bool own = false);
+/// is using it or `own` asks for one that nobody else has. What they keep of the last solve is forgotten, but for those
+/// that go on with it (`keeps`). Throws Error, naming `device`, where there is no such one.
+std::shared_ptr<Machine> machine_for(const Wanted&, const Scene&, const Options&, bool own = false, bool keeps = false);
 
 /// The time points of processors, or of the device that each rank has, divided among ranks. "auto" takes processors.
 std::shared_ptr<Machine> machine_on_ranks(std::shared_ptr<Communicator>, const Wanted&, const Scene&, const Options&);

@@ -53,11 +53,11 @@ double apart(const Eigen::Ref<const RowMatrix>& row, const std::vector<double>& 
 }
 
 /// Steps of equal length h, and their error.
-struct Grid {
+struct StatedGrid {
   Index steps;
   double error;
 };
-const std::map<std::string, Grid> grids{
+const std::map<std::string, StatedGrid> stated_grids{
     // y is a line over h = 0.005, which errs by h^2/8 F_s v''/eps, about 60 h^2/8.
     {"belt", {4000, 3e-4}},
     // q^3 is a line over h = 0.0075, which errs by h^2/8 6 |q| v^2, about 100 h^2/8; y is 5 times the error of q.
@@ -89,7 +89,7 @@ TEST_P(NonlinearExample, ReachesItsReferenceWithOrderTwo) {
   const NonlinearFile file = example(GetParam());
   ASSERT_TRUE(file.system && file.file.reference);
   const Reference& known = *file.file.reference;
-  const auto [J, bound] = grids.at(GetParam());
+  const auto [J, bound] = stated_grids.at(GetParam());
   double error[2];
   for (const int part : {0, 1}) {  // J/4 and J
     const NonlinearResult r = march(file, part == 0 ? J / 4 : J);
