@@ -72,6 +72,14 @@ def gpu_solves(data):
     return lines
 
 
+def gpu_again(data):
+    return [
+        *gpu_solves(data),
+        "",
+        f"{data['parameters']['device']} beside {machine(data)}, median of up to {data['repeats']} repeats.",
+    ]
+
+
 def gpu_operations(data):
     transforms = [row for row in data["rows"] if row["part"] == "transform"]
     small = [row for row in data["rows"] if row["part"] == "small problems"]

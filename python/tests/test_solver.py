@@ -54,6 +54,18 @@ def test_errors_do_not_break_a_solver(diode):
     np.testing.assert_allclose(solver.solve().y, bromwich.solve(**diode, g=lambda t: -t, steps=50).y, atol=1e-13)
 
 
+@pytest.mark.parametrize("method", ["march", "multigrid", "contour"])
+def test_a_second_solve_of_the_same_scene(Q15, method):
+    options = {"steps": 64, "method": method, "backend": "cpu"}
+    alone = bromwich.solve(Q15, reuse=False, **options)
+    for _ in range(2):
+        kept = bromwich.solve(Q15, **options)
+        np.testing.assert_allclose(kept.y, alone.y, atol=1e-11)
+    finer = bromwich.solve(Q15, **{**options, "steps": 128})
+    assert finer.steps == 128 and kept.steps == 64
+    np.testing.assert_allclose(kept.y, alone.y, atol=1e-11)  # results do not change with what is kept
+
+
 def test_one_solve_without_confirmation():
     # Perturbations of x = cos t grow by e^10, which half the step shows.
     growing = bromwich.Scene(A=5.0, B=1.0, N=0.0, M=1.0, g=1.0, f="-sin(t) - 5*cos(t)", x0=1.0, T=2.0)
