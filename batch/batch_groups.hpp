@@ -11,7 +11,6 @@ namespace bromwich {
 /// The scene from which sizes and times are taken.
 inline const Scene& first_of(const Batch& b) { return b.own.empty() ? b.common : b.own.front(); }
 
-
 /// Some scene has A, B, N, M or E of its own.
 bool own_matrices(const Batch&);
 /// Some scene has f or g of its own.

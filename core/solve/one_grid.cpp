@@ -222,9 +222,7 @@ bool finite_sources(const DiscreteProblem& p, Result& result) {
 }
 
 // How f enters: reductions of the scene derive that from which sources there are.
-bool same_entry(const Scene& a, const Scene& b) {
-  return a.f_entry == b.f_entry && same(a.F, b.F);
-}
+bool same_entry(const Scene& a, const Scene& b) { return a.f_entry == b.f_entry && same(a.F, b.F); }
 
 // The grid that a Solver keeps for these steps, if its methods are for this scene; a new one in its place otherwise.
 PreparedGrid& kept_grid(const Scene& scene, Index J, const std::vector<Index>& components,
