@@ -271,6 +271,15 @@ void add_free_rows(const Section& section, Scene& scene) {
   }
 }
 
+/// Of [complementarity], behind the rows of relays.
+void add_restitution(const Section& section, Scene& scene) {
+  if (!section.has("restitution")) return;
+  const Index relays = 2 * scene.relays;
+  scene.restitution = Vector::Zero(scene.constraints());
+  scene.restitution.tail(scene.constraints() - relays) =
+      section.one_or_each("restitution", scene.constraints() - relays);
+}
+
 /// The switch times of the sources and those that the file declares, each once.
 void add_breakpoints(const Sections& s, Draft& draft) {
   Scene& scene = draft.scene;
@@ -366,6 +375,7 @@ Draft draft_scene(const Sections& s, const ParameterValues& settings) {
   scene = s.port.given() ? port_scene(s, draft) : s.relay.given() ? relay_scene(s, draft) : complementarity_scene(s);
   add_boundary(s, scene);
   add_free_rows(s.free, scene);
+  add_restitution(s.complementarity, scene);
   scene.T = final_time();
   scene.default_steps = s.time.positive_integer("steps", scene.default_steps);
   if (settings.contains("steps")) scene.default_steps = whole_steps("--set", settings.at("steps"));

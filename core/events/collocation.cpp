@@ -148,7 +148,7 @@ double zero_before(const Vector& coefficients, double at) {
   const auto value = [&](double t) { return coefficients.dot(legendre(t)); };
   double positive = at;
   for (double back = 0x1p-40; value(positive) < 0; back *= 2) {
-    if (positive == 0) return at;
+    if (positive == 0) return 0;  // the zero is where the step begins
     positive = std::max(0.0, at - back);
   }
   double negative = at;

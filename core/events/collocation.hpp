@@ -53,7 +53,7 @@ Vector legendre_integrals(double at);
 /// that decides.
 double first_below(const Vector& bernstein, double noise);
 
-/// The last zero of a polynomial (Legendre coefficients) before `at`, where it is negative; `at` if there is none.
+/// The last zero of a polynomial (Legendre coefficients) before `at`, where it is negative; 0 if there is none.
 double zero_before(const Vector& coefficients, double at);
 
 }  // namespace bromwich

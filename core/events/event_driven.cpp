@@ -26,7 +26,7 @@ constexpr std::size_t most_stored = 60000000;  ///< numbers in the pieces
 
 SystemMatrices dense_system(const Scene& scene) {
   const DenseDynamics& d = *scene.dynamics->small_state();
-  return {d.A, d.B, d.N, to_dense(scene.M)};
+  return {d.A, d.B, d.N, to_dense(scene.M), scene.restitution};
 }
 
 class EventIntegration {

@@ -29,8 +29,8 @@ Jet derivative(const Jet& c, const Matrix& A) {
   return {c.x * A, c.x, c.f, Matrix::Zero(c.g.rows(), c.g.cols()), c.g, c.dg};
 }
 
-// Rows of E y + C u = 0 with a largest coefficient of y of 1. Rows of rounding are zero.
-void balance_rows(Matrix& E, Jet& C, const Vector& size) {
+// Rows of E y + C u = 0 with a largest coefficient of y of 1, and the factors. Rows of rounding are zero.
+Vector balance_rows(Matrix& E, Jet& C, const Vector& size) {
   Vector by = Vector::Ones(E.rows());
   for (Index i = 0; i < E.rows(); ++i) {
     const double largest = E.row(i).cwiseAbs().maxCoeff();
@@ -41,6 +41,7 @@ void balance_rows(Matrix& E, Jet& C, const Vector& size) {
   }
   E = by.asDiagonal() * E;
   C = Matrix(by.asDiagonal()) * C;
+  return by;
 }
 
 // Of each row the largest coefficient.
@@ -101,6 +102,7 @@ Jet without_rounding(const Jet& c, const Jet& terms) {
 }
 
 struct Split {
+  Matrix from;      ///< the constraints are from * C
   Jet constraints;  ///< on the state: their rows of x are independent
   Jet conditions;   ///< on f and g alone
   Jet terms;        ///< of the conditions: absolute values, those of x before they cancelled
@@ -110,7 +112,7 @@ struct Split {
 Split split(const Matrix& U, const Jet& C) {
   const Jet rows = U * C, sum = Matrix(U.cwiseAbs()) * absolute(C);
   const Index k = rows.x.rows();
-  if (k == 0) return {rows, rows, rows};
+  if (k == 0) return {U, rows, rows, rows};
   const Vector size = U.cwiseAbs() * largest_of(C), size_x = sum.x.rowwise().maxCoeff();
   Vector by(k);
   for (Index i = 0; i < k; ++i) by[i] = 1 / std::max(size_x[i] > 0 ? size_x[i] : size[i], 1e-290);
@@ -121,7 +123,7 @@ Split split(const Matrix& U, const Jet& C) {
   Jet conditions = rest * rows;
   conditions.x.setZero();
   const Matrix K = independent(conditions, rest.cwiseAbs() * size);
-  return {Matrix(W.topRows(rank)) * rows, K * conditions, Matrix((K * rest).cwiseAbs()) * sum};
+  return {W.topRows(rank) * U, Matrix(W.topRows(rank)) * rows, K * conditions, Matrix((K * rest).cwiseAbs()) * sum};
 }
 
 // y_S = -E^+ C, of least norm. Directions that E leaves open may not move the state. They may move w elsewhere, as of
@@ -146,6 +148,12 @@ bool determine_y(const SystemMatrices& s, const std::vector<Index>& active, cons
                        svd.matrixU().leftCols(rank).transpose().cwiseAbs();
   y = without_rounding(Matrix(select * -inverse) * C, Matrix(select * terms) * absolute(C));
   return true;
+}
+
+// e w_S', n rows of which those of S count.
+Jet rebound_of(const SystemMatrices& s, const Jet& seen) {
+  Jet velocities = derivative(seen, s.A);
+  return Matrix(s.restitution.asDiagonal()) * velocities;
 }
 
 // Impulses that bring the state onto the constraints: [M_SS; K B] p = [0; -k], rows with a largest entry of 1.
@@ -183,16 +191,23 @@ std::optional<SwitchedMode> make_switched_mode(const SystemMatrices& s, const st
   Jet seen = Jet::zero(n, m, n);
   seen.x = s.N;
   seen.g.setIdentity();
-  SwitchedMode mode{active, s.A, Jet::zero(n, m, n), seen, false, false, false, none, none, none, Matrix::Zero(n, 0)};
+  SwitchedMode mode{active, s.A,  Jet::zero(n, m, n), seen, false, false, false, none,
+                    none,   none, Matrix::Zero(n, 0), none};
   if (a == 0) return mode;
+  const bool bounces = s.restitution.size() > 0;
+  const Jet rebound = bounces ? rebound_of(s, seen) : none;
   const Matrix B = s.B(Eigen::all, active);
   Matrix E = s.M(active, active);
   Jet C = Jet::zero(a, m, n);
   C.x = s.N(active, Eigen::all);
   for (Index i = 0; i < a; ++i) C.g(i, active[std::size_t(i)]) = 1;
   Vector size = s.M(active, Eigen::all).cwiseAbs().rowwise().maxCoeff();
+  // Parts of the rows of C that are values of w_S, and derivatives of these.
+  Matrix values_of_w = Matrix::Identity(a, a), velocities = Matrix::Zero(a, a);
   for (int derived = 0;; ++derived) {
-    balance_rows(E, C, size);
+    const Vector by = balance_rows(E, C, size);
+    values_of_w = by.asDiagonal() * values_of_w;
+    velocities = by.asDiagonal() * velocities;
     const Eigen::JacobiSVD<Matrix> svd(E, Eigen::ComputeFullU | Eigen::ComputeFullV);
     const Vector& values = svd.singularValues();
     Index rank = 0;
@@ -207,7 +222,14 @@ std::optional<SwitchedMode> make_switched_mode(const SystemMatrices& s, const st
     }
     if (derived == most_derivatives) return std::nullopt;
     mode.constraints = stacked(mode.constraints, constraints);
+    Matrix of_all = Matrix::Zero(constraints.x.rows(), n);
+    of_all(Eigen::all, active) = vanish.from * velocities;
+    mode.rebound = stacked(mode.rebound, bounces ? of_all * rebound : Jet::zero(of_all.rows(), m, n));
     const Matrix Q = svd.matrixU().leftCols(rank).transpose();
+    const Matrix derived_rows = vanish.from * values_of_w;
+    values_of_w =
+        (Matrix(rank + derived_rows.rows(), a) << Q * values_of_w, Matrix::Zero(derived_rows.rows(), a)).finished();
+    velocities = (Matrix(rank + derived_rows.rows(), a) << Q * velocities, derived_rows).finished();
     size = Vector::Ones(rank + constraints.x.rows());
     size.tail(constraints.x.rows()) = constraints.x.cwiseAbs() * B.cwiseAbs().rowwise().maxCoeff();
     Matrix next(size.size(), a);

@@ -11,7 +11,7 @@
 // algorithm for descriptor systems (Luenberger, IEEE Trans. Automat. Control 22, 1977).
 //
 // A state that does not fulfil the constraints jumps by B p with an impulse p of y_S: M_SS p = 0, and the constraints
-// hold afterwards.
+// hold afterwards. With restitution e the velocities w_S' do not vanish: w_S'+ = -e w_S'-, the rebound.
 
 #include "../base/types.hpp"
 
@@ -23,6 +23,7 @@ namespace bromwich {
 /// A, B, N and M of a scene with dense dynamics.
 struct SystemMatrices {
   Matrix A, B, N, M;
+  Vector restitution = {};  ///< n coefficients of Newton's law, or empty: 0
 
   Index states() const { return A.rows(); }
   Index constraints() const { return M.rows(); }
@@ -50,7 +51,8 @@ struct SwitchedMode {
   /// Rows without x that vanish on the sources of this mode: constraints that agree, like two equal rows of w.
   Jet conditions;
   Jet condition_terms;  ///< their terms, by absolute value
-  Matrix impulse;       ///< n x constraints: p = impulse * (value of the constraints)
+  Matrix impulse;       ///< n x constraints: p = impulse * (values of the constraints and of the rebound before it)
+  Jet rebound;          ///< e times the velocities in the constraints
 };
 
 /// Value of the rows, and the sum of the absolute values of their terms.

@@ -52,6 +52,20 @@ Vector Successor::touching(const EventPoint& p, bool y_is_known) const {
   return offset;
 }
 
+// e w' of constraints with w = `offset`, that is 0, which w' < 0 is about to violate.
+Vector Successor::rebound(const EventPoint& p, const Vector& offset) {
+  const Vector& e = system_.restitution;
+  Vector found = Vector::Zero(offset.size());
+  if (e.size() == 0 || resting_) return found;
+  JetValues size;
+  const JetValues u = sources_at(*mode_of({}), p, size);
+  const Vector w = system_.N * p.x + sources_.g(p.t + 1e-15 * T_),
+               velocity = system_.N * (system_.A * p.x + u.f) + u.dg;
+  for (Index i = 0; i < e.size(); ++i)
+    if (e[i] > 0 && w[i] == offset[i] && velocity[i] < 0) found[i] = e[i] * velocity[i];
+  return found;
+}
+
 // The values of x, f and g, and the derivatives that the mode needs, at the begin of the next step. They are those of
 // polynomials, known to rounding of the largest values so far and on the step: `size`.
 JetValues Successor::sources_at(const SwitchedMode& mode, const EventPoint& p, JetValues& size) const {
@@ -69,12 +83,12 @@ JetValues Successor::sources_at(const SwitchedMode& mode, const EventPoint& p, J
   return {p.x, start(here.sources.f, m), start(here.df, m), start(here.sources.g, n), start(dg, n), start(here.ddg, n)};
 }
 
-bool Successor::may_jump(const SwitchedMode& mode, const JetValues& u, const Vector& zero,
-                         const Vector& impulse) const {
+bool Successor::may_jump(const SwitchedMode& mode, const JetValues& u, const Vector& zero, const Vector& impulse,
+                         const Vector& bounce) const {
   // What no impulse moves has to hold; the jump has rounding of its own.
   JetValues after = u;
   after.x += system_.B * impulse;
-  const Vector left = evaluate(mode.constraints, after);
+  const Vector left = evaluate(mode.constraints, after) + bounce;
   if (((left.cwiseAbs() - 4 * zero).array() > 0).any()) return false;
   // Impulses of y and of w are nonnegative.
   if (impulse.minCoeff() < -nothing * impulse.cwiseAbs().maxCoeff()) return false;
@@ -104,10 +118,12 @@ Successor::Entry Successor::enter(const SwitchedMode& mode, EventPoint& p) {
   const Vector rounding = mode.constraints.x.cwiseAbs() * steps_.rounding_of_x(p.sizes);
   const Vector zero = 30 * steps_.noise() * terms(mode.constraints, size) + rounding;
   const bool jumps = ((off.cwiseAbs() - zero).array() > 0).any();
-  Vector impulse = mode.impulse * off;
+  const bool rebounds = jumps && !resting_ && system_.restitution.size() > 0;
+  const Vector bounce = rebounds ? evaluate(mode.rebound, u) : Vector::Zero(off.size());
+  Vector impulse = mode.impulse * (off + bounce);
   // Parts of a jump that constraints which hold would explain have no sign.
   if (jumps) impulse = (impulse.cwiseAbs().array() > (mode.impulse.cwiseAbs() * zero).array()).select(impulse, 0);
-  if (jumps && !may_jump(mode, u, zero, impulse)) return Entry::refused;
+  if (jumps && !may_jump(mode, u, zero, impulse, bounce)) return Entry::refused;
   const Vector before = p.x;
   p.x += system_.B * impulse;
   if (jumps && !holds_behind(mode, p, impulse)) {
@@ -116,6 +132,7 @@ Successor::Entry Successor::enter(const SwitchedMode& mode, EventPoint& p) {
   }
   p.integral += impulse;
   if (!jumps) return Entry::smooth;
+  bounced_ = bounced_ || !bounce.isZero(0);
   impulses_.push_back({mode.active, impulse});
   p.sizes.include_x(p.x);
   return Entry::jumped;
@@ -146,8 +163,9 @@ Successor::Entry Successor::attempt(const std::vector<Index>& set, double least,
 Successor::Entry Successor::attempt_proposed(double h, const Vector& offset, EventPoint& p) {
   static constexpr std::array<double, 6> shares{1e-3, 1e-5, 1e-2, 1e-7, 1e-1, 1e-9};
   const double m = double(system_.states()), n = double(system_.constraints());
+  const Vector rebounds = rebound(p, offset);
   for (const double share : shares) {
-    const ShortSteps::Step proposed = short_steps_.take(p.t, share * h, p.x, offset);
+    const ShortSteps::Step proposed = short_steps_.take(p.t, share * h, p.x, offset - share * h * rebounds);
     p.work += m * m * m + n * n * n;
     if (!proposed.solved || !proposed.y.allFinite()) continue;
     // Where w_i and y_i vanish, w_i = 0 may be what determines another y.
@@ -197,7 +215,29 @@ Successor::Choice Successor::choose_brief(EventPoint& p) {
   return {brief_.mode, std::move(brief_.step), {}};
 }
 
+// A bounce that does not rise above what counts as zero of w continues with no set: the contact rests.
+Successor::Choice Successor::with_rest(EventPoint& p, const std::function<Choice()>& choose) {
+  const EventPoint before = p;
+  bounced_ = false;
+  Choice choice = choose();
+  if (choice.mode || !bounced_) return choice;
+  p = before;
+  resting_ = true;
+  choice = choose();
+  resting_ = false;
+  return choice;
+}
+
 Successor::Choice Successor::choose(EventPoint& p, bool y_is_known, const std::optional<std::vector<Index>>& likely) {
+  return with_rest(p, [&] { return choose_proposed(p, y_is_known, likely); });
+}
+
+Successor::Choice Successor::choose_among_all(EventPoint& p) {
+  return with_rest(p, [&] { return choose_of_all(p); });
+}
+
+Successor::Choice Successor::choose_proposed(EventPoint& p, bool y_is_known,
+                                             const std::optional<std::vector<Index>>& likely) {
   p.sizes.include_x(p.x);
   impulses_.clear();
   brief_ = {};
@@ -293,7 +333,7 @@ double Successor::Candidate::mean_y() const {
   return (step.y.transpose() * legendre_integrals(step.valid)).norm() / step.valid;
 }
 
-Successor::Choice Successor::choose_among_all(EventPoint& p) {
+Successor::Choice Successor::choose_of_all(EventPoint& p) {
   p.sizes.include_x(p.x);
   impulses_.clear();
   std::vector<Candidate> candidates = smooth_candidates(p);

@@ -7,6 +7,7 @@
 #include "event_step.hpp"
 #include "short_steps.hpp"
 
+#include <functional>
 #include <map>
 #include <optional>
 #include <set>
@@ -59,7 +60,12 @@ class Successor {
   const SwitchedMode* mode_of(const std::vector<Index>& active);
   Vector touching(const EventPoint&, bool y_is_known) const;
   JetValues sources_at(const SwitchedMode&, const EventPoint&, JetValues& size) const;
-  bool may_jump(const SwitchedMode&, const JetValues& u, const Vector& zero, const Vector& impulse) const;
+  Choice with_rest(EventPoint& p, const std::function<Choice()>& choose);
+  Choice choose_proposed(EventPoint& p, bool y_is_known, const std::optional<std::vector<Index>>& likely);
+  Choice choose_of_all(EventPoint& p);
+  Vector rebound(const EventPoint&, const Vector& offset);
+  bool may_jump(const SwitchedMode&, const JetValues& u, const Vector& zero, const Vector& impulse,
+                const Vector& bounce) const;
   bool holds_behind(const SwitchedMode&, EventPoint&, const Vector& impulse);
   Entry enter(const SwitchedMode&, EventPoint&);
   std::vector<std::vector<Index>> all_sets() const;
@@ -78,9 +84,11 @@ class Successor {
   double T_;
   std::map<std::vector<Index>, std::optional<SwitchedMode>> modes_;
   std::set<std::vector<Index>> tried_;
-  Candidate best_;      ///< that lasted longest
-  Candidate brief_;     ///< likewise, of those that end at once
-  bool found_ = false;  ///< it lasts long enough
+  Candidate best_;        ///< that lasted longest
+  Candidate brief_;       ///< likewise, of those that end at once
+  bool found_ = false;    ///< it lasts long enough
+  bool bounced_ = false;  ///< an impulse had restitution
+  bool resting_ = false;  ///< none has
   std::vector<EventImpulse> impulses_;
 };
 

@@ -22,6 +22,25 @@ void validate(const BoundaryCondition& boundary, const Vector& x0, Index m) {
   require_finite("b", boundary.b);
 }
 
+// Where y acts on w_i, or on its first derivative, w_i is no gap of rigid bodies: nothing bounces there.
+void validate_restitution(const Scene& scene) {
+  const Vector& e = scene.restitution;
+  if (e.size() == 0) return;
+  require_length("restitution", e, scene.constraints(), "one per constraint");
+  const DenseDynamics* d = scene.dynamics->small_state();
+  const Matrix M = d ? to_dense(scene.M) : Matrix();
+  for (Index i = 0; i < e.size(); ++i) {
+    const std::string row = "row " + std::to_string(i);
+    if (!(e[i] >= 0 && e[i] <= 1)) throw Error("restitution", row + " is " + std::to_string(e[i]), "give 0 to 1");
+    if (e[i] == 0 || !d) continue;
+    const Vector moves = (d->N.row(i) * d->B).transpose(),
+                 terms = (d->N.row(i).cwiseAbs() * d->B.cwiseAbs()).transpose();
+    if (!M.row(i).isZero(0) || ((moves.cwiseAbs() - 64 * epsilon * terms).array() > 0).any())
+      throw Error("restitution", row + ": y acts on w or on its first derivative",
+                  "give it to rows of rigid contact, whose second derivative y acts on");
+  }
+}
+
 void validate_free_rows(const std::vector<Index>& rows, Index n) {
   Index before = -1;
   for (const Index i : rows) {
@@ -129,6 +148,7 @@ void Scene::validate() const {
   else
     validate_x0(x0);
   validate_free_rows(free_rows, n);
+  validate_restitution(*this);
   require_positive("T", T);
   if (default_steps < 0) throw Error("default_steps", "is " + std::to_string(default_steps), "give 1 or more");
   if (!(default_tolerance >= 0 && default_tolerance < 1))

@@ -53,7 +53,14 @@ Result for_goal(const Scene& scene, Backend& backend, const InnerOptions& option
   return solve_for_goal(scene, backend, options);
 }
 
+// Impacts with restitution are located: steps would take them as without.
+bool bounces(const Scene& scene) { return (scene.restitution.array() > 0).any(); }
+
+constexpr const char* of_impacts =
+    "impacts with restitution are taken by located events alone, with initial values; use method events";
+
 std::string not_shooting(const Scene& scene) {
+  if (bounces(scene)) return of_impacts;
   const std::string why = unsuited_to_shooting(scene);
   if (why.empty()) return "";
   return "method shooting: " + why + "; use method galerkin";
@@ -61,10 +68,11 @@ std::string not_shooting(const Scene& scene) {
 
 std::string not_events(const Scene& scene) {
   const std::string why = unsuited_to_events(scene);
-  return why.empty() ? "" : "method events: " + why + "; use method march or euler";
+  return why.empty() ? "" : "method events: " + why + (bounces(scene) ? "" : "; use method march or euler");
 }
 
 std::string not_on_steps(const Scene& scene) {
+  if (bounces(scene)) return of_impacts;
   if (scene.boundary)
     return "it needs initial values and the scene has boundary values; use method shooting or galerkin";
   if (!scene.free_rows.empty() && !can_eliminate_free(scene))
@@ -72,10 +80,11 @@ std::string not_on_steps(const Scene& scene) {
   return "";
 }
 
-std::string takes_all(const Scene&) { return ""; }
+std::string not_impacts(const Scene& scene) { return bounces(scene) ? of_impacts : ""; }
 
 bool never(const Scene&, const InnerOptions&) { return false; }
 bool always(const Scene&, const InnerOptions&) { return true; }
+bool has_impacts(const Scene& scene, const InnerOptions&) { return bounces(scene) && !scene.boundary; }
 bool has_boundary(const Scene& scene, const InnerOptions& options) { return scene.boundary && !options.event_location; }
 
 /// One way to solve a scene. Method automatic tries those that want it, in this order, until one solves it.
@@ -87,10 +96,10 @@ struct Engine {
 };
 
 constexpr Engine engines[] = {
-    {Method::goal, never, takes_all, for_goal},
+    {Method::goal, never, not_impacts, for_goal},
     {Method::shooting, has_boundary, not_shooting, by_shooting},
-    {Method::galerkin, needs_galerkin, takes_all, on_grids},
-    {Method::events, never, not_events, solve_by_events},  // automatic with a tolerance: error_control.cpp
+    {Method::galerkin, needs_galerkin, not_impacts, on_grids},
+    {Method::events, has_impacts, not_events, solve_by_events},  // others with a tolerance: error_control.cpp
     {Method::automatic, always, not_on_steps, on_grids},
 };
 
@@ -104,12 +113,14 @@ bool is_named(const Engine& engine, const Scene& scene, Method method) {
 
 Result solve_reduced(const Scene& scene, Backend& backend, const InnerOptions& options) {
   std::string before;  // why the engines before did not solve it
+  std::string refused;
   Result result;
   for (const Engine& engine : engines) {
     const bool named = is_named(engine, scene, options.method);
     if (!named && (options.method != Method::automatic || !engine.automatic(scene, options))) continue;
     if (const std::string why = engine.why_not(scene); !why.empty()) {
       if (named) return unsolved(scene, backend, options, Status::unsupported, why);
+      if (refused.empty()) refused = why;
       continue;
     }
     InnerOptions one = options;
@@ -126,7 +137,7 @@ Result solve_reduced(const Scene& scene, Backend& backend, const InnerOptions& o
     before = "method shooting: " + result.reason;
     note(options.log, LogLevel::info, "method shooting gives up: %s", result.reason.c_str());
   }
-  return result;
+  return before.empty() ? unsolved(scene, backend, options, Status::unsupported, refused) : result;
 }
 
 }  // namespace bromwich

@@ -17,7 +17,7 @@ def restored(
 ) -> Any:
     """A scene of arrays, from the state that ``Scene.__reduce__`` has pickled."""
     model = _core.Model.empty()
-    for key in ("name", "T", "steps", "tolerance", "free_rows"):
+    for key in ("name", "T", "steps", "tolerance", "free_rows", "restitution"):
         setattr(model, key, state[key])
     for key in ("dynamics", "M"):
         setter, *arguments = state[key]

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from . import _core
-from ._arrays import listed, matrix, multiple, number, vector, whole, whole_number, word
+from ._arrays import filled, listed, matrix, multiple, number, vector, whole, whole_number, word
 from ._dynamics import Dynamics, Kronecker
 from ._errors import Error
 from ._labels import names_of, units_of
@@ -41,6 +41,8 @@ class Scene:
             and galerkin).
         free: rows i of mixed problems, with w_i = 0 and y_i of either sign.
         lcp_class: ``"auto"``, ``"P"``, ``"Z"`` or ``"PSD"``, what is known of M.
+        restitution: coefficients e of Newton's law of impact, in [0, 1], n values or one for all: where w_i reaches 0, it leaves
+            with -e times its velocity. For rows of rigid contact; solved by located events. None: 0.
         breakpoints: times in [0, T] at which f or g may jump or have a kink. Others are searched in functions.
         parameters: names and values for expressions.
         steps: time steps J of a solve that names neither steps nor ``tol``; None: those of a table, and without one such a
@@ -87,6 +89,7 @@ class Scene:
         b: Any = None,
         free: Iterable[int] = (),
         lcp_class: str = "auto",
+        restitution: Any = None,
         breakpoints: Iterable[float] = (),
         parameters: Mapping[str, float] | None = None,
         steps: int | None = None,
@@ -105,6 +108,8 @@ class Scene:
         set_dynamics(model, A, B, N, E, dynamics, single_states)
         set_lcp(model, M)
         model.set_lcp_class(word(lcp_class, "lcp_class"))
+        if restitution is not None:
+            model.restitution = filled(restitution, "restitution", model.constraints)
         model.free_rows = [whole(i, "free") for i in listed(free, "free")]
         set_conditions(model, x0, E0, ET, b)
         if not (model.T > 0 and np.isfinite(model.T)):

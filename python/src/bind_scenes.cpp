@@ -275,6 +275,9 @@ void bind_facts(Bound& model) {
           "tolerance", [](const Model& s) { return s.scene.default_tolerance; },
           [](Model& s, double v) { s.scene.default_tolerance = v; })
       .def_prop_rw(
+          "restitution", [](const Model& s) { return s.scene.restitution; },
+          [](Model& s, const Array1& v) { s.scene.restitution = as_vector(v); })
+      .def_prop_rw(
           "free_rows", [](const Model& s) { return s.scene.free_rows; },
           [](Model& s, std::vector<Index> v) { s.scene.free_rows = std::move(v); })
       .def_prop_ro("states", [](const Model& s) { return s.scene.states(); })

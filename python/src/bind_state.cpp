@@ -283,6 +283,7 @@ nb::dict state_of(const Model& model) {
   d["M"] = lcp_matrix_of(scene);
   d["lcp_class"] = to_string(lcp_class_named(to_string(scene.lcp_class)).value_or(LcpClass::automatic));
   d["free_rows"] = scene.free_rows;
+  d["restitution"] = scene.restitution;
   d["f_entry"] = nb::make_tuple(entries[int(scene.f_entry)], compressed_or_none(scene.F));
   d["x0"] = scene.x0;
   if (scene.boundary)
