@@ -102,6 +102,11 @@ void look_at_sources(const Scene& scene, Index J, SceneCheck& check) {
 /// Methods by the rules of core/solve/engines.cpp, with a refusal where none applies.
 std::vector<Method> methods_of(const Scene& given, const Scene& scene, const BackendTraits& traits,
                                const Options& options, Index J, std::string& refusal) {
+  if ((given.restitution.array() > 0).any()) {
+    if (given.boundary || (options.method != Method::automatic && options.method != Method::events))
+      refusal = "impacts with restitution: method events takes them, with initial values";
+    return {Method::events};
+  }
   const bool singular = !given.boundary && !given.free_rows.empty() && !can_eliminate_free(given);
   if (given.boundary || singular) {
     const std::string unsuited = unsuited_to_shooting(scene);

@@ -109,7 +109,7 @@ class Scene:
         set_lcp(model, M)
         model.set_lcp_class(word(lcp_class, "lcp_class"))
         if restitution is not None:
-            model.restitution = filled(restitution, "restitution", model.constraints)
+            model.restitution = filled(restitution, model.constraints, "restitution")
         model.free_rows = [whole(i, "free") for i in listed(free, "free")]
         set_conditions(model, x0, E0, ET, b)
         if not (model.T > 0 and np.isfinite(model.T)):

@@ -138,3 +138,30 @@ def test_a_number_is_a_multiple_of_the_identity(M, n):
     found = bromwich.solve(**periodic, E0=1, ET=-1, b=0, states="all")
     expected = bromwich.solve(**periodic, E0=np.eye(n), ET=-np.eye(n), b=np.zeros(n), states="all")
     np.testing.assert_allclose(found.x, expected.x, rtol=0, atol=1e-13)
+
+
+def ball(e, **others):
+    return bromwich.Scene(
+        A=[[0, 1], [0, 0]], B=[[0], [1]], N=[[1, 0]], M=0.0, f=[0, -9.81], x0=[1, 0], T=1.2, restitution=e, **others
+    )
+
+
+def test_a_ball_bounces():
+    # From height 1: the impact is at sqrt(2/g), and the next flight is e as fast.
+    impact, speed = np.sqrt(2 / 9.81), np.sqrt(2 * 9.81)
+    for e in (0.5, [0.8]):
+        r = bromwich.solve(ball(e), check=True)
+        k = np.ravel(e)[0]
+        s = 0.6 - impact
+        np.testing.assert_allclose(r.at(0.6).x[0], [k * speed * s - 9.81 * s * s / 2, k * speed - 9.81 * s], atol=1e-8)
+    again = pickle.loads(pickle.dumps(ball(0.5)))
+    np.testing.assert_array_equal(bromwich.solve(again).x, bromwich.solve(ball(0.5)).x)
+    batch = bromwich.solve_batch([ball(0.5), ball(0.9)], steps=40)
+    np.testing.assert_allclose(batch.x[1], bromwich.solve(ball(0.9), steps=40, method="events").x, atol=1e-12)
+
+
+def test_restitution_that_is_refused():
+    for e in (1.5, [0.5, 0.5]):
+        with pytest.raises(bromwich.Error, match="restitution"):
+            ball(e)
+    assert bromwich.solve(ball(0.5), method="march", steps=10, check=False).status == "unsupported"

@@ -132,7 +132,7 @@ TEST(ZeroBefore, IsWhereThePolynomialChangesSign) {
     EXPECT_NEAR(zero_before(p, zero + 0.03), zero, 1e-14);
   }
   const Vector negative = coefficients_of([](double t) { return -1 - t; });
-  EXPECT_EQ(zero_before(negative, 0.4), 0.4) << "there is none";
+  EXPECT_EQ(zero_before(negative, 0.4), 0) << "it is where the polynomial begins";
   const Vector positive = coefficients_of([](double t) { return 1 + t; });
   EXPECT_EQ(zero_before(positive, 0.4), 0.4);
 }
