@@ -1,5 +1,6 @@
 #include "app/scene_check.hpp"
 
+#include "app/circuit_check.hpp"
 #include "app/nonlinear_solve.hpp"
 #include "app/scene_facts.hpp"
 #include "app/text.hpp"
@@ -249,7 +250,8 @@ std::string check_text(const SceneChoice& choice, const SceneCheck& check) {
   std::string breaks;
   for (std::size_t i = 0; i < std::min<std::size_t>(check.breakpoints.size(), 8); ++i)
     breaks += fmt::format("{}{:.6g}", i ? ", " : "", check.breakpoints[i]);
-  if (choice.circuit) line("netlist", choice.circuit->reduction);
+  if (choice.circuit)
+    for (const auto& [label, fact] : circuit_facts(*choice.circuit)) line(label, fact);
   line("sources", check.breakpoints.empty() ? check.sources
                                             : fmt::format("{}, {} at t = {}{}", check.sources,
                                                           counted(check.breakpoints.size(), "breakpoint"), breaks,
@@ -287,7 +289,10 @@ Json check_json(const SceneChoice& choice, const SceneCheck& check) {
   json["class"] = check.matrix_class;
   json["spectrum"] = check.spectrum;
   json["start"] = check.start;
-  if (choice.circuit) json["netlist"] = choice.circuit->reduction;
+  if (choice.circuit) {
+    json["netlist"] = choice.circuit->reduction.summary;
+    json["reduction"] = circuit_json(*choice.circuit);
+  }
   json["sources"] = check.sources;
   json["breakpoints"] = check.breakpoints;
   json["methods"] = Json::array();

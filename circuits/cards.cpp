@@ -144,7 +144,7 @@ class Reader {
     }
     if (skipping || ended_) return;
     if (word == ".control") {
-      skipping = true;
+      skipping = deck_.control = true;
       return;
     }
     if (word == ".end") {

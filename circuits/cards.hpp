@@ -32,6 +32,7 @@ struct Deck {
   std::string title;
   std::vector<Card> cards;
   std::vector<std::filesystem::path> inputs;  ///< the files that .include and .lib have read
+  bool control = false;                       ///< a block .control ... .endc was skipped
 };
 
 /// `file_name`: in messages. .include and .lib read files relative to `folder`. Throws Error for a continuation without

@@ -94,23 +94,44 @@ TimeFunction all_values(const std::shared_ptr<const std::vector<Waveform>>& u,
   };
 }
 
-/// The state that IC= and .ic give; others are 0.
-Vector given_state(const Netlist& netlist, const Reduction& r) {
+/// What IC= and .ic give to elements that store; others have 0.
+Vector given_state(const Netlist& netlist, const std::vector<Index>& storage) {
   const auto node = [&](const std::string& name) {
     const auto found = netlist.initial.find(name);
     return found == netlist.initial.end() ? 0.0 : found->second;
   };
-  Vector x(Index(r.storage.size()));
+  Vector x(Index(storage.size()));
   for (Index k = 0; k < x.size(); ++k) {
-    const Element& e = netlist.elements[std::size_t(r.storage[std::size_t(k)])];
+    const Element& e = netlist.elements[std::size_t(storage[std::size_t(k)])];
     x[k] = e.initial ? *e.initial : e.kind == 'C' ? node(e.nodes[0]) - node(e.nodes[1]) : 0;
   }
   return x;
 }
 
+/// With uic. Capacitors in loops and inductors in cutsets share what they are given: charge and flux are kept.
+Vector given_start(const Netlist& netlist, const Reduction& r, const Vector& u, std::vector<std::string>& notes) {
+  Vector x = given_state(netlist, r.storage);
+  const Vector s = given_state(netlist, r.excess), off = r.P * x + r.Q * u - s;
+  const Vector given = x;
+  x += r.jump * off;
+  const auto note = [&](const Vector& before, const Vector& after, const std::vector<Index>& elements) {
+    for (Index k = 0; k < before.size(); ++k) {
+      if (!(std::abs(after[k] - before[k]) > 1e-9 * std::max(std::abs(after[k]), std::abs(before[k])))) continue;
+      const Element& e = netlist.elements[std::size_t(elements[std::size_t(k)])];
+      notes.push_back(fmt::format(
+          "{}({}) jumps from {:.6g} to {:.6g} at t = 0: it is in a {}", e.kind == 'C' ? "V" : "I", e.name, before[k],
+          after[k],
+          e.kind == 'C' ? "loop of capacitors and voltage sources" : "cutset of inductors and current sources"));
+    }
+  };
+  note(given, x, r.storage);
+  note(s, r.P * x + r.Q * u, r.excess);
+  return x - r.H * u;
+}
+
 Vector start(const Netlist& netlist, const Reduction& r, const DenseDynamics& d, const Matrix& M, const Matrix& G,
-             const Vector& u, const std::string& file) {
-  if (netlist.use_initial) return given_state(netlist, r) - r.H * u;
+             const Vector& u, const std::string& file, std::vector<std::string>& notes) {
+  if (netlist.use_initial) return given_start(netlist, r, u, notes);
   const auto rest = operating_point(d.A, d.B, r.F * u, d.N, M, G * u, netlist.stop);
   if (!rest)
     throw Error(file, "there is no operating point to start from: the sources at t = 0 bring the circuit to no rest",
@@ -122,6 +143,21 @@ void add_outputs(const Reduction& r, Circuit& c) {
   for (const auto& [list, unit] : {std::pair(&r.voltages, "V"), {&r.currents, "A"}})
     for (const auto& [name, row] : *list)
       c.outputs.push_back({name, unit, row.z.transpose(), row.y.transpose(), row.u.transpose(), row.slope.transpose()});
+}
+
+CircuitReduction found(const Netlist& netlist, const Reduction& r) {
+  CircuitReduction f;
+  f.summary = fmt::format("{} elements, {} nodes: {} states, {} pairs, {} sources", netlist.elements.size(),
+                          r.voltages.size(), r.states.size(), r.pairs.size(), r.inputs.size());
+  f.states = r.states;
+  for (const Pair& pair : r.pairs) f.pairs.push_back(pair.name);
+  for (const Dependence& d : r.dependences)
+    (d.kind == Dependence::loop     ? f.loops
+     : d.kind == Dependence::cutset ? f.cutsets
+                                    : f.windings)
+        .push_back(d.equation);
+  f.open = r.open;
+  return f;
 }
 
 Circuit make_circuit(const Netlist& netlist, const std::string& file) {
@@ -156,7 +192,9 @@ Circuit make_circuit(const Netlist& netlist, const std::string& file) {
   s.time_unit = "s";
   s.breakpoints = breakpoints(r.F, G, G_slope, *u, s.T);
   s.breakpoints_are_all = true;
-  s.x0 = start(netlist, r, dynamics, M, G, at_start, file);
+  c.notes = netlist.notes;
+  c.notes.insert(c.notes.end(), r.notes.begin(), r.notes.end());
+  s.x0 = start(netlist, r, dynamics, M, G, at_start, file, c.notes);
   s.names.x = r.states;
   for (const std::string& name : r.states) s.units.x.push_back(name[0] == 'V' ? "V" : "A");
   if (netlist.step > 0) {
@@ -168,9 +206,7 @@ Circuit make_circuit(const Netlist& netlist, const std::string& file) {
     }
   }
   add_outputs(r, c);
-  c.notes = netlist.notes;
-  c.notes.insert(c.notes.end(), r.notes.begin(), r.notes.end());
-  c.reduction = r.summary;
+  c.reduction = found(netlist, r);
   c.parameters = netlist.parameters;
   c.inputs = netlist.inputs;
   return c;

@@ -29,6 +29,17 @@ struct CircuitOutput {
   Vector of_x, of_y, of_u, of_slope;
 };
 
+/// What the reduction has found.
+struct CircuitReduction {
+  std::string summary;                ///< "7 elements, 4 nodes: 2 states, 3 pairs, 2 sources"
+  std::vector<std::string> states;    ///< "V(C1)", "I(L1)"
+  std::vector<std::string> pairs;     ///< "D1", "S1.p"
+  std::vector<std::string> loops;     ///< capacitors in loops with voltage sources: "V(C2) = V1 - V(C1)"
+  std::vector<std::string> cutsets;   ///< inductors in cutsets with current sources: "I(L2) = -I(L1)"
+  std::vector<std::string> windings;  ///< inductors with K = 1: "V(L2) = 3 V(L1)"
+  std::vector<std::string> open;      ///< diodes and switches without a parallel resistance
+};
+
 struct Circuit {
   Scene scene;
   std::vector<CircuitOutput> outputs;  ///< V of all nodes, then I of all elements
@@ -36,7 +47,7 @@ struct Circuit {
   Index sources = 0;                   ///< k
   Vector times;                        ///< of .tran: start to stop; empty: no step is given
   std::vector<std::string> notes;      ///< what was skipped, straightened or added, one line each
-  std::string reduction;               ///< one line: states, pairs, excess elements
+  CircuitReduction reduction;
   std::map<std::string, double> parameters;
   std::vector<std::filesystem::path> inputs;
 };

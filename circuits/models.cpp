@@ -76,6 +76,10 @@ DiodeModel diode_model(const Model& model, const Parameters& parameters) {
     d.on_reverse = d.on;
     d.straightened = fmt::format("model {}: a junction, taken as a straight line of {:.4g} V and {:.4g} ohm",
                                  model.card.words[1], d.forward, d.on);
+    std::string others;
+    for (const auto& [name, given] : model.given)
+      if (name != "is" && name != "n" && name != "rs" && name != "bv") others += (others.empty() ? "" : " ") + name;
+    if (!others.empty()) d.straightened += ", without " + others;
   }
   if (!(d.off > d.on)) throw Error(to_string(model.card.place), "Roff is not above Ron", "give a larger Roff");
   if (!(d.reverse > 0)) throw Error(to_string(model.card.place), "Vrev is not positive", "give a positive Vrev");

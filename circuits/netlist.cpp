@@ -75,8 +75,10 @@ struct Scope {
 
 class Flattening {
  public:
-  Flattening(Netlist& netlist, std::map<std::string, double> settings)
-      : netlist_(netlist), settings_(std::move(settings)) {}
+  Flattening(Netlist& netlist, std::map<std::string, double> settings, bool control)
+      : netlist_(netlist), settings_(std::move(settings)) {
+    if (control) used_skipped_.insert(".control");
+  }
 
   void top(const Level& level) {
     Scope scope;
@@ -91,10 +93,10 @@ class Flattening {
       if (card.words[0] == ".tran") read_tran(card, scope);
     for (const Card& card : level.cards) take(card, scope);
     netlist_.parameters = scope.parameters.values();
-    if (!used_skipped_.empty()) {
+    for (const auto& [words, what] : {std::pair(&used_skipped_, "skipped: "), {&unread_, "not read: "}}) {
       std::string list;
-      for (const std::string& word : used_skipped_) list += (list.empty() ? "" : " ") + word;
-      netlist_.notes.push_back("skipped: " + list);
+      for (const std::string& word : *words) list += (list.empty() ? "" : " ") + word;
+      if (!list.empty()) netlist_.notes.push_back(what + list);
     }
   }
 
@@ -130,7 +132,9 @@ class Flattening {
     for (std::size_t i = 1; i < card.words.size(); ++i) {
       if (card.words[i] == "uic")
         netlist_.use_initial = true;
-      else if (card.words[i] != "startup" && card.words[i] != "steady" && card.words[i] != "nodiscard")
+      else if (card.words[i] == "startup" || card.words[i] == "steady" || card.words[i] == "nodiscard")
+        unread_.insert(".tran " + card.words[i]);
+      else
         numbers.push_back(scope.parameters.value(card.words[i], card.place, ".tran"));
     }
     if (numbers.empty()) refuse(card, ".tran without a time", "write .tran STEP STOP");
@@ -187,10 +191,12 @@ class Flattening {
       return scope.parameters.value(rest[0], card.place, e.name);
     };
     e.initial = given("ic");
+    name_unread(card, e.kind, e.kind == 'V' || e.kind == 'I' ? card.words.size() : first + 1);
     switch (e.kind) {
       case 'V':
       case 'I':
         e.source = read_waveform(rest, scope.parameters, card.place, netlist_.stop);
+        if (const auto r = given("rser"); r && *r != 0 && e.kind == 'V') parasitic(card, "rser", *r, e);
         return;
       case 'D':
         if (rest.empty()) refuse(card, e.name + " names no model", "give one, such as .model DI D(Ron=10m Vfwd=0.5)");
@@ -209,11 +215,29 @@ class Flattening {
         break;
     }
     e.value = number();
+    if (e.kind == 'C' && !rest.empty() && rest[0].back() == 'f' && spice_number(rest[0].substr(0, rest[0].size() - 1)))
+      note(fmt::format("{}: {} = {} is {:g} farad: f is femto", to_string(card.place), e.name, rest[0], e.value));
     if ((e.kind == 'R' && e.value == 0) || ((e.kind == 'C' || e.kind == 'L') && !(e.value > 0)))
       refuse(card, fmt::format("{} = {}", e.name, e.value),
              e.kind == 'R' ? "remove it and join its nodes, or give a resistance" : "give a positive value");
     for (const char* name : {"rser", "rpar", "lser"})
       if (const auto v = given(name); v && *v != 0) parasitic(card, name, *v, e);
+  }
+
+  // What a card has and no element here knows; `read`: how many of its words are read.
+  void name_unread(const Card& card, char kind, std::size_t read) {
+    static const std::map<char, std::set<std::string>> known{{'R', {"value", "r"}},
+                                                             {'C', {"value", "c", "ic", "rser", "rpar", "lser"}},
+                                                             {'L', {"value", "l", "ic", "rser", "rpar"}},
+                                                             {'V', {"rser"}},
+                                                             {'E', {"value"}},
+                                                             {'G', {"value"}},
+                                                             {'F', {"value"}},
+                                                             {'H', {"value"}}};
+    const auto names = known.find(kind);
+    for (const auto& [name, value] : card.given)
+      if (names == known.end() || !names->second.contains(name)) unread_.insert(written_name(card) + " " + name);
+    for (std::size_t i = read; i < card.words.size(); ++i) unread_.insert(written_name(card) + " " + card.words[i]);
   }
 
   // R in series (Rser) or parallel (Rpar) as an element of its own.
@@ -253,7 +277,9 @@ class Flattening {
     if (word == ".param" || word == ".params" || word == ".func" || word == ".model" || word == ".tran") return;
     if (word == ".ic" || word == ".nodeset") {
       for (const auto& [name, value] : card.given)
-        if (word == ".ic" && name.starts_with("v(") && name.back() == ')')
+        if (word == ".nodeset" || !name.starts_with("v(") || name.back() != ')')
+          unread_.insert(word + " " + name);
+        else
           netlist_.initial[node(name.substr(2, name.size() - 3), scope, card)] =
               scope.parameters.value(value, card.place, ".ic");
       return;
@@ -326,7 +352,7 @@ class Flattening {
 
   Netlist& netlist_;
   std::map<std::string, double> settings_;
-  std::set<std::string> names_, used_skipped_;
+  std::set<std::string> names_, used_skipped_, unread_;
   std::vector<std::string> model_notes_;
   int depth_ = 0;
 };
@@ -341,7 +367,7 @@ Netlist read_netlist(std::string_view text, const std::string& file_name, const 
   netlist.inputs = deck.inputs;
   std::size_t at = 0;
   const Level level = sort_cards(deck.cards, at, nullptr);
-  Flattening(netlist, settings).top(level);
+  Flattening(netlist, settings, deck.control).top(level);
   if (!(netlist.stop > 0)) throw Error(file_name, "there is no .tran", "add .tran STEP STOP");
   if (netlist.elements.empty()) throw Error(file_name, "there is no element", "add elements behind the title line");
   return netlist;

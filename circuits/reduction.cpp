@@ -19,6 +19,20 @@ constexpr double bound = 1e6;       ///< amperes and volts: no circuit of this k
 constexpr double leak = 1e-9;       ///< amperes through an open switch: its two multipliers then have one solution
 constexpr double no_effect = 1e-9;  ///< of the largest coefficient: rounding of the network's solution
 
+// "V(C2) = V1 - 0.5 V(C1)". Coefficients that are rounding of 1 are 1, and those that are rounding of 0 left out.
+std::string equation(const std::string& left, const Terms& terms, const std::vector<std::string>& names) {
+  double largest = 0;
+  for (const auto& [k, factor] : terms) largest = std::max(largest, std::abs(factor));
+  std::string sum;
+  for (const auto& [k, factor] : terms) {
+    if (!(std::abs(factor) > no_effect * largest)) continue;
+    const std::string size = fmt::format("{:.6g}", std::abs(factor));
+    sum += factor < 0 ? (sum.empty() ? "-" : " - ") : (sum.empty() ? "" : " + ");
+    sum += size == "1" ? names[std::size_t(k)] : size + " " + names[std::size_t(k)];
+  }
+  return left + " = " + (sum.empty() ? "0" : sum);
+}
+
 class Reducer {
  public:
   explicit Reducer(const Netlist& netlist)
@@ -91,6 +105,7 @@ class Reducer {
       own.signal = Index(k) < states_ ? Index(k) : Index(k) + pairs_ + sources_;
     }
     made_.storage = kept;
+    made_.excess = excess;
     made_.sources = sources_;
   }
   Index of_y(Index i) const { return states_ + i; }
@@ -224,13 +239,17 @@ class Reducer {
   [[noreturn]] void refuse_singular() const {
     std::string where;
     const Element* named = nullptr;
-    if (network_.singular_node >= 0) where = "node " + name_of(network_.singular_node);
+    const Place* place = &netlist_.elements.front().place;
+    if (network_.singular_node >= 0) {
+      where = "node " + name_of(network_.singular_node);
+      for (auto e = netlist_.elements.rbegin(); e != netlist_.elements.rend(); ++e)
+        if (from(*e) == network_.singular_node || to(*e) == network_.singular_node) place = &e->place;
+    }
     for (std::size_t i = 0; i < own_.size(); ++i)
       for (const Index b : own_[i].branches)
         if (b == network_.singular_branch) named = &netlist_.elements[i];
-    if (named) where = named->name;
-    throw Error(to_string(named ? named->place : netlist_.elements.front().place),
-                fmt::format("the resistive network is singular; involved: {}", where),
+    if (named) where = named->name, place = &named->place;
+    throw Error(to_string(*place), fmt::format("the resistive network is singular; involved: {}", where),
                 "add a resistance there, or give diodes and switches a finite Roff");
   }
 
@@ -281,7 +300,9 @@ class Reducer {
       throw Error(to_string(netlist_.elements.front().place),
                   "what the capacitors and inductors store is not independent",
                   "check capacitances, inductances and controlled sources");
-    made_.H = lu.solve(Matrix(Vd * D_of_slope_ - K.topRightCorner(m, t) * Q));
+    made_.P = P, made_.Q = Q;
+    made_.jump = lu.solve(Matrix(Vd * K.bottomRightCorner(t, t) - K.topRightCorner(m, t)));
+    made_.H = made_.jump * Q;
     X_ = lu.solve(V);  // x' = X (x, y, u) + H u'
     made_.A = X_.leftCols(m);
     made_.B = X_.middleCols(m, n);
@@ -383,12 +404,30 @@ class Reducer {
   }
 
   void describe() {
-    made_.summary = fmt::format("{} elements, {} nodes: {} states, {} pairs, {} sources", netlist_.elements.size(),
-                                nodes_.size() - 1, states_, pairs_, made_.inputs.size());
-    std::string excess;
-    for (Index k = states_; k < Index(storage_.size()); ++k)
-      excess += (excess.empty() ? "" : ", ") + element(storage_[std::size_t(k)]).name;
-    if (!excess.empty()) made_.summary += fmt::format("; determined by the others: {}", excess);
+    std::vector<std::string> names = made_.states;
+    names.resize(std::size_t(states_ + sources_));
+    for (std::size_t k = 0; k < made_.inputs.size(); ++k)
+      names[std::size_t(states_) + 1 + k] = element(made_.inputs[k]).name;
+    for (Index k = 0; k < excess_; ++k) {
+      const Element& e = element(made_.excess[std::size_t(k)]);
+      Terms terms;
+      for (Index i = 0; i < states_; ++i) terms.push_back({i, made_.P(k, i)});
+      for (Index i = 0; i < sources_; ++i) terms.push_back({states_ + i, made_.Q(k, i)});
+      made_.dependences.push_back({e.kind == 'C' ? Dependence::loop : Dependence::cutset,
+                                   equation(fmt::format("{}({})", e.kind == 'C' ? "V" : "I", e.name), terms, names)});
+    }
+    std::vector<std::string> across;
+    for (const Element& e : netlist_.elements) across.push_back(fmt::format("V({})", e.name));
+    for (const WindingGroup& g : tree_.groups)
+      for (std::size_t k = std::size_t(g.base); k < g.order.size(); ++k) {
+        Terms terms;
+        for (Index a = 0; a < g.base; ++a)
+          terms.push_back({g.inductors[std::size_t(g.order[std::size_t(a)])], g.ratios(Index(k) - g.base, a)});
+        made_.dependences.push_back(
+            {Dependence::winding, equation(across[std::size_t(g.inductors[std::size_t(g.order[k])])], terms, across)});
+      }
+    for (const Element& e : netlist_.elements)
+      if ((e.kind == 'D' || e.kind == 'S' || e.kind == 'W') && opens(e)) made_.open.push_back(e.name);
   }
 
   const Netlist& netlist_;

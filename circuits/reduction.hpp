@@ -36,19 +36,29 @@ struct Gate {
   Eigen::RowVectorXd control;  ///< the control signal over u
 };
 
+/// An element whose voltage or current the others determine.
+struct Dependence {
+  enum Kind : char { loop, cutset, winding } kind;  ///< of capacitors and voltages; of inductors and currents
+  std::string equation;                             ///< "V(C2) = V1 - V(C1)"
+};
+
 struct Reduction {
   Matrix A, B, F;                   ///< z' = A z + B y + F u
   std::vector<Pair> pairs;          ///< w, one row each
   std::vector<std::string> states;  ///< "V(C1)", "I(L1)"
   std::vector<Index> storage;       ///< elements of the states
   Matrix H;                         ///< x = z + H u
-  std::vector<Index> inputs;        ///< elements of the sources u_1, ..., in this order; gates behind
-  Index sources = 0;                ///< length of u
+  std::vector<Index> excess;        ///< elements that store as others do: s = P x + Q u
+  Matrix P, Q;
+  Matrix jump;  ///< the charges and fluxes that s is off by at a start change x: x += jump (P x + Q u - s)
+  std::vector<Index> inputs;  ///< elements of the sources u_1, ..., in this order; gates behind
+  Index sources = 0;          ///< length of u
   std::vector<Gate> gates;
   std::vector<std::pair<std::string, Row>> voltages;  ///< of nodes
   std::vector<std::pair<std::string, Row>> currents;  ///< of elements
+  std::vector<Dependence> dependences;
+  std::vector<std::string> open;  ///< diodes and switches without a parallel resistance: "D1"
   std::vector<std::string> notes;
-  std::string summary;
 };
 
 /// Throws Error naming file, line and element where the network has no unique solution.

@@ -82,6 +82,19 @@ TEST(Netlist, WhatIsSkippedIsNamedOnce) {
   EXPECT_EQ(n.notes[0], "skipped: .meas .options .save");
 }
 
+TEST(Netlist, WhatIsNotReadIsNamedOnce) {
+  const Netlist n = netlist_of(
+      "R1 a 0 1 tc=0.1\nD1 a 0 DJ 2 off\n.model DJ D Is=1n cjo=1p tt=1n\nV1 a 0 1 Rser=2\n.nodeset V(a)=1\n"
+      ".control\nrun\n.endc\nC1 a 0 1F\n.tran 1m startup\n");
+  ASSERT_EQ(n.notes.size(), 4u);
+  EXPECT_NE(n.notes[0].find("without cjo tt"), std::string::npos) << n.notes[0];
+  EXPECT_NE(n.notes[1].find("test.cir: line 10: C1 = 1f is 1e-15 farad"), std::string::npos) << n.notes[1];
+  EXPECT_EQ(n.notes[2], "skipped: .control");
+  EXPECT_EQ(n.notes[3], "not read: .nodeset v(a) .tran startup D1 2 D1 off R1 tc");
+  ASSERT_EQ(n.elements.size(), 5u);
+  EXPECT_EQ(n.elements[2].name, "V1.rser");
+}
+
 // Each refusal says the line, the element and what to do.
 TEST(NetlistMistakes, AreNamed) {
   const std::string end = "\n.tran 1m\n";
@@ -115,12 +128,56 @@ TEST(NetlistMistakes, AreNamed) {
       {".param p={p}\nR1 a 0 p" + end, "is defined by itself"},
       {"V1 a 0 PWL(0 1 2)\nR1 a 0 1" + end, "PWL has no pairs"},
       {"V1 a 0 1\nL1 a 0 1m" + end, "there is no operating point"},
+      {"V1 in 0 1\nR1 in x 1\nE1 x 0 y 0 1\nR2 y 0 1\nE2 y 0 x 0 1" + end,
+       "test.cir: line 3: the resistive network is singular; involved: node "},
+      {"V1 in 0 1\nR1 in 0 1\nF1 0 x V1 0\nG1 x 0 in 0 1" + end, "F1: nothing but current sources leads to node x"},
+      {"V1 in 0 1\nD1 in a DI\nR1 a 0 1\nE1 b 0 a 0 2\nC1 b 0 1u\n.model DI D(Ron=1)" + end,
+       "C1 closes a loop with controlled sources"},
+      {"C1 a 0 1u\nE1 b 0 a 0 1\nC2 b c 1u\nF1 0 a V1 1\nV1 c 0 0\nR1 a 0 1" + end,
+       "what the capacitors and inductors store is not independent"},
+      {"R1 a 0 1\n.ends" + end, ".ends without .subckt"},
+      {"R1 a 0 1\n.subckt" + end, ".subckt without a name"},
+      {"R1 a 0 1\n.func f" + end, ".func without arguments"},
+      {".func f(a) {a}\nR1 a 0 {f(1,2)}" + end, "f takes 1 arguments, found 2"},
+      {".func f(a) {f(a)}\nR1 a 0 {f(1)}" + end, "calls itself"},
+      {"R1 a 0 {if(1>0)}" + end, "if takes 3 arguments"},
+      {"R1 a 0 1\n.tran", ".tran without a time"},
+      {"R1 a 0 1\n.tran 1m 0", "the end of .tran is 0"},
+      {"R1 a 0 1\n.tran 1u 1m 2m", "the start of .tran is 0.002"},
+      {"E1 a 0 POLY(1) a 0 1\nR1 a 0 1" + end, "E1: poly(1) is not read"},
+      {"D1 a 0\nR1 a 0 1" + end, "D1 names no model"},
+      {"S1 a 0 b 0\nR1 a 0 1" + end, "S1 names no model"},
+      {"D1 a 0 SI\nR1 a 0 1\n.model SI SW(Ron=1)" + end, "D1: the model 'si' is of type sw"},
+      {"R1 a 0 1\n.model DI" + end, ".model without a name or a type"},
+      {"R1 a 0 1\nD1 a 0 DI\n.model DI D(Ron=-1)" + end, "ron = -1"},
+      {"R1 a 0 1\nD1 a 0 DI\n.model DI D(Ron=2 Roff=1)" + end, "Roff is not above Ron"},
+      {"R1 a 0 1\nD1 a 0 DI\n.model DI D(Ron=1 Vrev=-1)" + end, "Vrev is not positive"},
+      {"R1 a 0 1\nD1 a 0 DI\n.model DI D(Is=0)" + end, "Is and N are not positive"},
+      {"R1 a 0 1\nK1 L1" + end, "K1 names less than two inductors"},
+      {".subckt s a\nX1 a s\n.ends\nX1 a s\nR1 a 0 1" + end, "subcircuits contain each other without end"},
+      {"X1\nR1 a 0 1" + end, "X1 names no subcircuit"},
+      {"R1 a 0 1\nC1 a 0 1u Lser=1n" + end, "Lser is not read"},
+      {"R1 a 0 1\n.foo" + end, ".foo is unknown"},
+      {".tran 1m", "there is no element"},
+      {"R1 a 0 1\n.include none.inc" + end, "cannot be read"},
+      {"V1 a 0 PULSE(0 1 0 -1n)\nR1 a 0 1" + end, "PULSE has a negative time"},
+      {"V1 a 0 EXP(0 1 0)\nR1 a 0 1" + end, "EXP needs six numbers"},
+      {"V1 a 0 PWL(1 0 0 1)\nR1 a 0 1" + end, "PWL: 0 follows 1"},
       {"V1 a 0 PULSE(0 1 0 0 0 1n 2n)\nR1 a b 1\nC1 b 0 1u\n.tran 1 uic", "PULSE has 5e+08 periods"},
   };
   for (const auto& [cards, words] : mistakes) {
     const std::string message = message_of(cards);
     EXPECT_NE(message.find(words), std::string::npos) << cards << "\nsaid: " << message;
     EXPECT_EQ(message.find('\n'), std::string::npos) << message;
+  }
+}
+
+TEST(NetlistMistakes, SettingsThatAreNoParameters) {
+  try {
+    parse_circuit("t\n.param r=1\nR1 a 0 r\n.tran 1m\n", "test.cir", {}, {{"q", 1}});
+    FAIL();
+  } catch (const std::exception& error) {
+    EXPECT_NE(std::string(error.what()).find("'q' is no .param of the netlist"), std::string::npos) << error.what();
   }
 }
 
