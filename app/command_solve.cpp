@@ -116,6 +116,7 @@ struct Outputs {
   std::optional<ResultOutput> out;
   std::optional<OutputFile> switches, report;
   std::optional<Scene> circuit;  ///< the outputs of a circuit, whose rows are written in place of those of the scene
+  std::vector<Probe> probes;     ///< behind these outputs
   std::vector<double> times;     ///< of the rows of `out`; empty = the time points
   std::vector<Column> columns;   ///< of a CSV file; empty: y and the recorded states
 
@@ -179,7 +180,7 @@ void write(Outputs& outputs, const SceneChoice& choice, Backend& backend, const 
     Result rows;
     if (sampled) rows = system ? system->at(outputs.times) : at_times(scene, backend, result, outputs.times);
     if (sampled && system) keep_states(rows, result.x_components);
-    if (choice.circuit) rows = output_result(*choice.circuit, sampled ? rows : result);
+    if (choice.circuit) rows = output_result(*choice.circuit, sampled ? rows : result, outputs.probes);
     const Result& written = sampled || choice.circuit ? rows : result;
     const auto columns =
         outputs.columns.empty() ? default_columns(outputs.scene(choice), written.x_components) : outputs.columns;
@@ -212,8 +213,9 @@ void listen(const SolveArguments& arguments, ProgressLine& progress, std::vector
 }
 
 void write_report(const Outputs& outputs, const SceneChoice& choice, const Result& result, const Json& object) {
-  const auto table = choice.circuit ? report::as_table(*outputs.circuit, output_result(*choice.circuit, result))
-                                    : report::as_table(choice.scene, result);
+  const auto table = choice.circuit
+                         ? report::as_table(*outputs.circuit, output_result(*choice.circuit, result, outputs.probes))
+                         : report::as_table(choice.scene, result);
   const std::string page = report::page({object, table, "bromwich solve " + choice.scene.name, build_info::version});
   outputs.report->write([&page](std::FILE* out) { std::fwrite(page.data(), 1, page.size(), out); });
 }
@@ -329,13 +331,16 @@ int run_solve(const SolveArguments& arguments) {
   const Words words = split_words(arguments.words, arguments.settings);
   const ParameterValues settings = parse_settings(words.settings, scene_name(words));
   if (const auto code = run_sweep(arguments, scene_name(words), settings)) return *code;
-  const SceneChoice choice = choose_scene_or_system(scene_name(words), settings);
+  const SceneChoice choice = arguments.periodic.empty()
+                                 ? choose_scene_or_system(scene_name(words), settings)
+                                 : choose_periodic_circuit(scene_name(words), settings, arguments.periodic);
   Outputs files;
   if (choice.circuit) {
-    files.circuit = output_scene(*choice.circuit);
+    if (!arguments.columns.empty()) files.columns = circuit_columns(arguments.columns, *choice.circuit, files.probes);
+    files.circuit = output_scene(*choice.circuit, files.probes);
     for (const std::string& note : choice.circuit->notes) complain(note);
   }
-  if (!arguments.columns.empty()) files.columns = parse_columns(arguments.columns, files.scene(choice));
+  if (!choice.circuit && !arguments.columns.empty()) files.columns = parse_columns(arguments.columns, choice.scene);
   Options options = solve_options(arguments, choice, choice.circuit ? std::vector<Column>{} : files.columns);
   const int threads = threads_of_rank(arguments.threads.empty() ? 0 : parse_threads(arguments.threads));
   const Index recorded = state_columns(options, choice.scene);
@@ -363,12 +368,16 @@ int run_solve(const SolveArguments& arguments) {
     object["method"] = system->method();
     object["nonlinear"] = system->json();
   }
+  CircuitNumbers numbers;
+  if (choice.circuit) numbers = circuit_numbers(*choice.circuit, *backend, result);
+  add_circuit_json(numbers, object);
   const Facts facts = facts_of_result(result, used, object);
   if (!parts) write(files, choice, *backend, options, result, arguments.energies, facts, system ? &*system : nullptr);
   if (parts && files.out) files.out->finish(facts);
   if (files.report) write_report(files, choice, result, object);
   print(arguments.json ? dump(object)
-                       : summary(choice, result, used, error, written(arguments), system ? system->method() : ""));
+                       : summary(choice, result, used, error, written(arguments), system ? system->method() : "") +
+                             circuit_text(numbers));
   if (result.status == Status::solved) return exit_solved;
   report_status(result);
   return exit_not_solved;

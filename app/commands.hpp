@@ -18,6 +18,7 @@ struct SolveArguments {
   std::string method = "auto", backend = "auto";
   std::string states, tolerance, tolerance_x, tolerance_y, absolute_tolerance, max_steps, max_seconds, steps,
       iteration_tolerance, nodes, threads, at, columns, out, switches, report, checkpoint, checkpoint_every, restart;
+  std::string periodic;      ///< of a netlist: auto, or a period
   std::string command_line;  ///< as typed, for the files that are written
   std::string log_level = "off";
   GoalArguments goal;

@@ -95,7 +95,7 @@ void add_checkpoints(CLI::App* command, SolveArguments& a) {
 
 CLI::App* add_command(CLI::App& app, SolveArguments& a) {
   CLI::App* command = app.add_subcommand("solve", "solve a scene");
-  add_scene(command, a, "a scene that 'bromwich scenes' lists, or a file .toml");
+  add_scene(command, a, "a scene that 'bromwich scenes' lists, a file .toml, or a netlist .cir");
   add_word(command, "--steps", a.steps, "J",
            "time steps, with --tol of the first grid; default: those of the scene, if it states no tolerance");
   add_tolerances(command, a);
@@ -106,6 +106,10 @@ CLI::App* add_command(CLI::App& app, SolveArguments& a) {
   add_word(command, "--states", a.states, "LIST",
            "state components to write: none, all, 0,3,7 or their names; default: the scene's, or none");
   add_files_of_results(command, a);
+  add_word(
+      command, "--periodic", a.periodic, "T",
+      "of a netlist: its periodic state with this period, or auto, the least common one of its sources; prints mean, "
+      "RMS, ripple and THD of all outputs, powers, losses and efficiency");
   command->add_flag("--event-location", a.event_location,
                     "method galerkin: solve again with nodes at the switches of the active sets");
   command->add_flag("--no-confirm", a.no_confirm,

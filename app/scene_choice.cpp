@@ -2,6 +2,8 @@
 
 #include "app/machine.hpp"
 #include "app/text.hpp"
+#include "circuits/circuit.hpp"
+#include "circuits/values.hpp"
 #include "core/base/error.hpp"
 #include "files/scene_reader.hpp"
 
@@ -63,9 +65,10 @@ SceneChoice choose_built_in(const std::string& name, const ParameterValues& sett
 }
 
 /// Its accuracy is that of the states: y of ideal switches need not be unique.
-SceneChoice choose_circuit(const std::string& name, const ParameterValues& settings) {
+SceneChoice choose_circuit(const std::string& name, const ParameterValues& settings,
+                           std::optional<double> period = {}) {
   constexpr double tolerance = 1e-4;
-  auto circuit = std::make_shared<const Circuit>(read_circuit(name, settings));
+  auto circuit = std::make_shared<const Circuit>(read_circuit(name, settings, period));
   SceneChoice choice{circuit->scene, circuit->parameters, "all", std::nullopt};
   choice.scene.default_tolerance = tolerance;
   choice.inputs = circuit->inputs;
@@ -123,6 +126,18 @@ SceneChoice choose_scene(const std::string& name, const ParameterValues& setting
 
 SceneChoice choose_scene_or_system(const std::string& name, const ParameterValues& settings) {
   return SceneSource(name).scene_or_system(settings);
+}
+
+SceneChoice choose_periodic_circuit(const std::string& name, const ParameterValues& settings,
+                                    const std::string& period) {
+  if (!is_netlist(name))
+    throw Error("--periodic", fmt::format("is given with {}, which is no netlist", name),
+                "write a section [boundary] with E0 and ET = -E0");
+  if (period == "auto") return choose_circuit(name, settings, 0);
+  const auto seconds = circuits::spice_number(period);
+  if (!seconds || !(*seconds > 0))
+    throw Error("--periodic", fmt::format("found '{}'", period), "give a period in seconds, 10u or 1e-5, or auto");
+  return choose_circuit(name, settings, seconds);
 }
 
 SceneChoice choose_initial_value_scene(const std::string& name, const ParameterValues& settings) {

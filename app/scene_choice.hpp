@@ -1,7 +1,6 @@
 #pragma once
 
 #include "catalogue/catalogue.hpp"
-#include "circuits/circuit.hpp"
 #include "files/scene_file.hpp"
 #include "nonlinear/nonlinear_scene.hpp"
 
@@ -12,8 +11,9 @@
 #include <vector>
 
 namespace bromwich {
+struct Circuit;
 class SceneReader;
-}
+}  // namespace bromwich
 
 namespace bromwich::app {
 
@@ -59,6 +59,10 @@ class SceneSource {
 SceneChoice choose_scene(const std::string& name, const ParameterValues& settings);
 /// The same, and files with a section [nonlinear], which choose_scene refuses.
 SceneChoice choose_scene_or_system(const std::string& name, const ParameterValues& settings);
+
+/// The periodic state of a netlist; `period`: seconds, or auto. Throws Error naming --periodic for other scenes.
+SceneChoice choose_periodic_circuit(const std::string& name, const ParameterValues& settings,
+                                    const std::string& period);
 
 /// The same for a study whose methods need initial values: throws Error for boundary values.
 SceneChoice choose_initial_value_scene(const std::string& name, const ParameterValues& settings);

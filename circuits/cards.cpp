@@ -170,7 +170,9 @@ class Reader {
 
 }  // namespace
 
-std::string to_string(const Place& place) { return fmt::format("{}: line {}", place.file, place.line); }
+std::string to_string(const Place& place) {
+  return place.line > 0 ? fmt::format("{}: line {}", place.file, place.line) : place.file;
+}
 
 std::string lower(std::string s) {
   for (char& c : s) c = char(std::tolower(static_cast<unsigned char>(c)));

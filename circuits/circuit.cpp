@@ -1,8 +1,10 @@
 #include "circuits/circuit.hpp"
 
 #include "circuits/gates.hpp"
+#include "circuits/measures.hpp"
 #include "circuits/operating_point.hpp"
 #include "circuits/reduction.hpp"
+#include "circuits/windings.hpp"
 #include "core/base/error.hpp"
 
 #include <fmt/format.h>
@@ -38,31 +40,51 @@ Waveform gate_waveform(SwitchTimes times, double open, double closed) {
 std::vector<Waveform> make_sources(const Netlist& netlist, const Reduction& r) {
   std::vector<Waveform> u{constant_waveform(1)};
   for (const Index i : r.inputs) u.push_back(netlist.elements[std::size_t(i)].source);
-  const std::size_t independent = u.size();
+  u.reserve(u.size() + r.gates.size());  // controls point at the sources
   for (const Gate& gate : r.gates) {
     const SwitchModel& model = netlist.elements[std::size_t(gate.element)].gate;
-    Control control{gate.control[0], {}};
-    for (std::size_t k = 1; k < independent; ++k)
-      if (gate.control[Index(k)] != 0) control.sources.push_back({&u[k], gate.control[Index(k)]});
-    u.push_back(gate_waveform(
-        switch_times(control, model.threshold + model.hysteresis, model.threshold - model.hysteresis, netlist.stop),
-        gate.open, gate.closed));
+    Control control{0, {}};
+    for (const auto& [k, factor] : gate.control)
+      if (k == 0) control.constant += factor;
+    for (const auto& [k, factor] : gate.control)
+      if (k > 0) control.sources.push_back({&u[std::size_t(k)], factor});
+    const auto found = [&](std::optional<bool> on) {
+      return switch_times(control, model.threshold + model.hysteresis, model.threshold - model.hysteresis, netlist.stop,
+                          on);
+    };
+    SwitchTimes times = found({});
+    if (netlist.periodic && times.times.size() % 2 != 0) times = found(!times.on_at_start);  // as it ends it begins
+    u.push_back(gate_waveform(std::move(times), gate.open, gate.closed));
   }
   return u;
 }
 
+/// Whether columns have an entry.
+std::vector<char> used_columns(const Rows& m) {
+  std::vector<char> used(std::size_t(m.cols()), 0);
+  for (Index i = 0; i < m.rows(); ++i)
+    for (Rows::InnerIterator e(m, i); e; ++e)
+      if (e.value() != 0) used[std::size_t(e.col())] = 1;
+  return used;
+}
+
+std::vector<Index> numbers_of(const std::vector<char>& used) {
+  std::vector<Index> numbers;
+  for (std::size_t k = 0; k < used.size(); ++k)
+    if (used[k]) numbers.push_back(Index(k));
+  return numbers;
+}
+
 /// shapes times the sources whose columns are not zero, and their slopes.
-TimeFunction combination(const Matrix& of_u, const Matrix& of_slope,
+TimeFunction combination(const Rows& of_u, const Rows& of_slope,
                          const std::shared_ptr<const std::vector<Waveform>>& u) {
-  std::vector<Index> used, used_slope;
-  for (Index k = 0; k < of_u.cols(); ++k) {
-    if (!of_u.col(k).isZero(0)) used.push_back(k);
-    if (of_slope.size() > 0 && !of_slope.col(k).isZero(0)) used_slope.push_back(k);
-  }
+  const std::vector<Index> used = numbers_of(used_columns(of_u)), used_slope = numbers_of(used_columns(of_slope));
   if (used.empty() && used_slope.empty()) return {};
   Matrix shapes(of_u.rows(), Index(used.size() + used_slope.size()));
-  if (!used.empty()) shapes.leftCols(Index(used.size())) = of_u(Eigen::all, used);
-  if (!used_slope.empty()) shapes.rightCols(Index(used_slope.size())) = of_slope(Eigen::all, used_slope);
+  const SparseMatrix by_columns = of_u, slopes_by_columns = of_slope;
+  Index at = 0;
+  for (const Index k : used) shapes.col(at++) = by_columns.col(k);
+  for (const Index k : used_slope) shapes.col(at++) = slopes_by_columns.col(k);
   const TimeFunction time = [u, used, used_slope](double t, Eigen::Ref<Vector> value) {
     Index at = 0;
     for (const Index k : used) value[at++] = (*u)[std::size_t(k)].value(t);
@@ -72,17 +94,20 @@ TimeFunction combination(const Matrix& of_u, const Matrix& of_slope,
 }
 
 /// Those of the sources that f or g see. Times that differ by rounding are one.
-std::vector<double> breakpoints(const Matrix& F, const Matrix& G, const Matrix& G_slope, const std::vector<Waveform>& u,
-                                double T) {
+std::vector<double> breakpoints(const Rows& F, const Forms& w, const std::vector<Waveform>& u, double T) {
+  std::vector<char> seen = used_columns(F);
+  for (const Rows* other : {&w.u, &w.slope}) {
+    const std::vector<char> more = used_columns(*other);
+    for (std::size_t k = 0; k < seen.size(); ++k) seen[k] |= more[k];
+  }
   std::vector<double> all;
-  for (std::size_t k = 0; k < u.size(); ++k) {
-    const Index i = Index(k);
-    if (F.col(i).isZero(0) && G.col(i).isZero(0) && G_slope.col(i).isZero(0)) continue;
-    const std::vector<double> own = u[k].breakpoints(T);
+  for (const Index k : numbers_of(seen)) {
+    const std::vector<double> own = u[std::size_t(k)].breakpoints(T);
     all.insert(all.end(), own.begin(), own.end());
   }
   std::sort(all.begin(), all.end());
   const double rounding = 64 * epsilon * T;
+  std::erase_if(all, [&](double t) { return t <= rounding || t >= T - rounding; });
   all.erase(std::unique(all.begin(), all.end(), [&](double a, double b) { return b - a <= rounding; }), all.end());
   return all;
 }
@@ -129,28 +154,69 @@ Vector given_start(const Netlist& netlist, const Reduction& r, const Vector& u, 
   return x - r.H * u;
 }
 
-Vector start(const Netlist& netlist, const Reduction& r, const DenseDynamics& d, const Matrix& M, const Matrix& G,
-             const Vector& u, const std::string& file, std::vector<std::string>& notes) {
+Vector start(const Netlist& netlist, const Reduction& r, const Vector& u, const std::string& file,
+             std::vector<std::string>& notes) {
   if (netlist.use_initial) return given_start(netlist, r, u, notes);
-  const auto rest = operating_point(d.A, d.B, r.F * u, d.N, M, G * u, netlist.stop);
+  const auto rest = operating_point(r.A, r.B, r.F * u, r.w.z, r.w.y, r.w.u * u, netlist.stop);
   if (!rest)
     throw Error(file, "there is no operating point to start from: the sources at t = 0 bring the circuit to no rest",
                 "add uic to .tran, with IC= where the start is not zero");
   return *rest;
 }
 
+void add_elements(const Netlist& netlist, Circuit& c) {
+  std::map<std::string, Index> voltages;
+  for (std::size_t i = 0; i < c.outputs.size(); ++i) voltages.emplace(c.outputs[i].name, Index(i));
+  const auto node = [&](const std::string& name) {
+    return name == "0" ? -1 : voltages.at(fmt::format("V({})", netlist.written.at(name)));
+  };
+  const Index first = Index(c.outputs.size() - netlist.elements.size());
+  for (std::size_t i = 0; i < netlist.elements.size(); ++i) {
+    const Element& e = netlist.elements[i];
+    c.elements.push_back({e.name, e.kind, node(e.nodes[0]), node(e.nodes[1]), first + Index(i)});
+    if (e.kind == 'C') c.stores.push_back({Index(i), Index(i), e.value});
+  }
+  for (const WindingGroup& g : winding_groups(netlist))
+    for (std::size_t a = 0; a < g.inductors.size(); ++a)
+      for (std::size_t b = 0; b < g.inductors.size(); ++b)
+        if (const double L = g.inductance(Index(a), Index(b)); L != 0)
+          c.stores.push_back({g.inductors[a], g.inductors[b], L});
+}
+
 void add_outputs(const Reduction& r, Circuit& c) {
-  for (const auto& [list, unit] : {std::pair(&r.voltages, "V"), {&r.currents, "A"}})
-    for (const auto& [name, row] : *list)
-      c.outputs.push_back({name, unit, row.z.transpose(), row.y.transpose(), row.u.transpose(), row.slope.transpose()});
+  for (const std::string& name : r.outputs) c.outputs.push_back({name, name[0] == 'V' ? "V" : "A"});
+  c.of_x = r.of_outputs.z, c.of_y = r.of_outputs.y, c.of_u = r.of_outputs.u, c.of_slope = r.of_outputs.slope;
+}
+
+/// Small systems are dense: located switches need it.
+void set_matrices(const Reduction& r, Scene& s) {
+  constexpr Index most_dense = 200;
+  const Index m = std::max<Index>(r.A.rows(), 1), n = Index(r.pairs.size());
+  Rows A = r.A, B = r.B, N = r.w.z, M = r.w.y;
+  if (r.A.rows() == 0) {
+    A = Rows(1, 1), B = Rows(1, n), N = Rows(n, 1);
+    A.insert(0, 0) = -1 / s.T;
+  }
+  if (n == 0) {  // a linear circuit has a pair that is never active
+    B = Rows(m, 1), N = Rows(1, m), M = Rows(1, 1);
+    M.insert(0, 0) = 1;
+  }
+  if (m <= most_dense)
+    s.dynamics = DenseDynamics{Matrix(A), Matrix(B), Matrix(N)};
+  else
+    s.dynamics = SparseDynamics{SparseMatrix(A), SparseMatrix(B), SparseMatrix(N)};
+  if (n <= most_dense)
+    s.M = Matrix(M);
+  else
+    s.M = SparseLcpMatrix(SparseMatrix(M));
 }
 
 CircuitReduction found(const Netlist& netlist, const Reduction& r) {
   CircuitReduction f;
   f.summary = fmt::format("{} elements, {} nodes: {} states, {} pairs, {} sources", netlist.elements.size(),
-                          r.voltages.size(), r.states.size(), r.pairs.size(), r.inputs.size());
+                          r.outputs.size() - netlist.elements.size(), r.states.size(), r.pairs.size(), r.inputs.size());
   f.states = r.states;
-  for (const Pair& pair : r.pairs) f.pairs.push_back(pair.name);
+  f.pairs = r.pairs;
   for (const Dependence& d : r.dependences)
     (d.kind == Dependence::loop     ? f.loops
      : d.kind == Dependence::cutset ? f.cutsets
@@ -163,40 +229,35 @@ CircuitReduction found(const Netlist& netlist, const Reduction& r) {
 Circuit make_circuit(const Netlist& netlist, const std::string& file) {
   const Reduction r = reduce(netlist);
   const auto u = std::make_shared<const std::vector<Waveform>>(make_sources(netlist, r));
-  const Index m = r.A.rows(), n = Index(r.pairs.size()), k = r.sources;
-  Matrix N(n, m), M(n, n), G(n, k), G_slope(n, k);
+  const Index m = std::max<Index>(r.A.rows(), 1);  // resistances alone: a state that stays 0
   Circuit c;
-  for (Index i = 0; i < n; ++i) {
-    const Pair& pair = r.pairs[std::size_t(i)];
-    N.row(i) = pair.w.z, M.row(i) = pair.w.y, G.row(i) = pair.w.u, G_slope.row(i) = pair.w.slope;
-    c.scene.names.y.push_back(pair.name);
-    c.scene.names.w.push_back(pair.name + ".w");
+  for (const std::string& pair : r.pairs) {
+    c.scene.names.y.push_back(pair);
+    c.scene.names.w.push_back(pair + ".w");
   }
   c.u = all_values(u, &Waveform::value);
   c.slope = all_values(u, &Waveform::slope);
-  c.sources = k;
-  DenseDynamics dynamics{r.A, r.B, N};
-  Vector at_start(k);
+  c.sources = r.sources;
+  Vector at_start(r.sources);
   c.u(0, at_start);
   Scene& s = c.scene;
   s.name = netlist.title.empty() ? file : netlist.title;
-  if (n == 0) {  // a linear circuit has a pair that is never active
-    dynamics.B = Matrix::Zero(m, 1), dynamics.N = Matrix::Zero(1, m);
-    M = Matrix::Identity(1, 1), G = G_slope = Matrix::Zero(1, k);
-  }
-  s.dynamics = dynamics;
-  s.M = M;
-  s.f = combination(r.F, {}, u);
-  s.g = combination(G, G_slope, u);
   s.T = netlist.stop;
+  set_matrices(r, s);
+  if (r.A.rows() > 0) s.f = combination(r.F, Rows(m, r.sources), u);
+  s.g = combination(r.w.u, r.w.slope, u);
   s.time_unit = "s";
-  s.breakpoints = breakpoints(r.F, G, G_slope, *u, s.T);
+  s.breakpoints = breakpoints(r.F, r.w, *u, s.T);
   s.breakpoints_are_all = true;
   c.notes = netlist.notes;
   c.notes.insert(c.notes.end(), r.notes.begin(), r.notes.end());
-  s.x0 = start(netlist, r, dynamics, M, G, at_start, file, c.notes);
+  if (netlist.periodic)
+    s.boundary = BoundaryCondition{Matrix::Identity(m, m), -Matrix::Identity(m, m), Vector::Zero(m)};
+  else
+    s.x0 = r.A.rows() > 0 ? start(netlist, r, at_start, file, c.notes) : Vector::Zero(1);
   s.names.x = r.states;
-  for (const std::string& name : r.states) s.units.x.push_back(name[0] == 'V' ? "V" : "A");
+  if (r.states.empty()) s.names.x = {"none"};
+  for (const std::string& name : s.names.x) s.units.x.push_back(name == "none" ? "" : name[0] == 'V' ? "V" : "A");
   if (netlist.step > 0) {
     const Index rows = Index(std::floor((netlist.stop - netlist.start) / netlist.step * (1 + 1e-9)));
     if (rows >= 1 && rows <= 10'000'000) {
@@ -206,26 +267,30 @@ Circuit make_circuit(const Netlist& netlist, const std::string& file) {
     }
   }
   add_outputs(r, c);
+  add_elements(netlist, c);
   c.reduction = found(netlist, r);
+  for (const auto& [place, text] : netlist.measures) c.measures.push_back({to_string(place), text});
   c.parameters = netlist.parameters;
   c.inputs = netlist.inputs;
+  check_measures(c);
   return c;
 }
 
 }  // namespace
 
 Circuit parse_circuit(std::string_view netlist, const std::string& file_name, const std::filesystem::path& folder,
-                      const std::map<std::string, double>& settings) {
-  return make_circuit(read_netlist(netlist, file_name, folder, settings), file_name);
+                      const std::map<std::string, double>& settings, std::optional<double> period) {
+  return make_circuit(read_netlist(netlist, file_name, folder, settings, period), file_name);
 }
 
-Circuit read_circuit(const std::filesystem::path& file, const std::map<std::string, double>& settings) {
+Circuit read_circuit(const std::filesystem::path& file, const std::map<std::string, double>& settings,
+                     std::optional<double> period) {
   std::ifstream in(file, std::ios::binary);
   std::stringstream text;
   text << in.rdbuf();
   if (!in)
     throw Error("SCENE", fmt::format("the file '{}' cannot be read", file.string()), "give the path of a netlist");
-  Circuit c = parse_circuit(text.str(), file.filename().string(), file.parent_path(), settings);
+  Circuit c = parse_circuit(text.str(), file.filename().string(), file.parent_path(), settings, period);
   c.inputs.push_back(file);
   return c;
 }
@@ -240,17 +305,19 @@ RowMatrix output_values(const Circuit& c, const Result& r) {
   const Index rows = r.t.size(), m = c.scene.states();
   RowMatrix values = RowMatrix::Constant(rows, Index(c.outputs.size()), NAN);
   if (r.x.rows() != rows || r.x.cols() != m) return values;
-  Vector u(c.sources), slope(c.sources);
+  RowMatrix u(rows, c.sources), slope(rows, c.sources);
+  Vector now(c.sources);
   for (Index j = 0; j < rows; ++j) {
-    c.u(r.t[j], u);
-    c.slope(r.t[j], slope);
-    for (std::size_t i = 0; i < c.outputs.size(); ++i) {
-      const CircuitOutput& o = c.outputs[i];
-      double v = o.of_x.dot(r.x.row(j)) + o.of_u.dot(u) + o.of_slope.dot(slope);
-      if (!o.of_y.isZero(0)) v += o.of_y.dot(r.y.row(j));
-      values(j, Index(i)) = v;
-    }
+    c.u(r.t[j], now);
+    u.row(j) = now;
+    c.slope(r.t[j], now);
+    slope.row(j) = now;
   }
+  values.setZero();
+  if (c.of_x.cols() == m) values += r.x * c.of_x.transpose();
+  values += u * c.of_u.transpose();
+  values += slope * c.of_slope.transpose();
+  if (c.of_y.cols() == r.y.cols()) values += r.y * c.of_y.transpose();
   return values;
 }
 

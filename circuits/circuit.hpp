@@ -17,16 +17,31 @@
 #include <filesystem>
 #include <functional>
 #include <map>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
 namespace bromwich {
 
-/// A quantity of a circuit: a row of (x, y, u, u').
+/// A quantity of a circuit.
 struct CircuitOutput {
   std::string name, unit;  ///< "V(out)", "V"; "I(L1)", "A": into the first node of the element
-  Vector of_x, of_y, of_u, of_slope;
+};
+
+/// An element with two nodes, by the numbers of outputs.
+struct CircuitElement {
+  std::string name;
+  char kind = 'R';           ///< R C L V I E G F H D S W
+  Index from = -1, to = -1;  ///< V of its first and second node; -1: ground
+  Index current = 0;         ///< I
+};
+
+/// An entry of C or L between two elements: energy Σ value q_a q_b / 2, q the voltage of a capacitor or the current of
+/// an inductor.
+struct CircuitStore {
+  Index a = 0, b = 0;
+  double value = 0;
 };
 
 /// What the reduction has found.
@@ -40,23 +55,36 @@ struct CircuitReduction {
   std::vector<std::string> open;      ///< diodes and switches without a parallel resistance
 };
 
+/// A line .meas, as it is written.
+struct MeasureCard {
+  std::string where;  ///< "buck.cir: line 12"
+  std::string text;
+};
+
 struct Circuit {
   Scene scene;
-  std::vector<CircuitOutput> outputs;  ///< V of all nodes, then I of all elements
-  TimeFunction u, slope;               ///< k values each
-  Index sources = 0;                   ///< k
-  Vector times;                        ///< of .tran: start to stop; empty: no step is given
-  std::vector<std::string> notes;      ///< what was skipped, straightened or added, one line each
+  std::vector<CircuitOutput> outputs;       ///< V of all nodes, then I of all elements
+  SparseMatrix of_x, of_y, of_u, of_slope;  ///< a row for each output, over (x, y, u, u')
+  std::vector<CircuitElement> elements;
+  std::vector<CircuitStore> stores;
+  TimeFunction u, slope;           ///< k values each
+  Index sources = 0;               ///< k
+  Vector times;                    ///< of .tran: start to stop; empty: no step is given
+  std::vector<std::string> notes;  ///< what was skipped, straightened or added, one line each
   CircuitReduction reduction;
+  std::vector<MeasureCard> measures;
   std::map<std::string, double> parameters;
   std::vector<std::filesystem::path> inputs;
 };
 
-/// Reads a netlist; see docs/netlists.md. `settings` replace its .param. Throws Error naming file, line and element.
-Circuit read_circuit(const std::filesystem::path& file, const std::map<std::string, double>& settings = {});
+/// Reads a netlist; see docs/netlists.md. `settings` replace its .param. `period`: the scene is the periodic state with
+/// this period, x(0) = x(T), or with the least common one of the sources where it is 0. Throws Error naming file, line
+/// and element.
+Circuit read_circuit(const std::filesystem::path& file, const std::map<std::string, double>& settings = {},
+                     std::optional<double> period = {});
 /// The same from text. `folder`: where .include looks.
 Circuit parse_circuit(std::string_view netlist, const std::string& file_name, const std::filesystem::path& folder = {},
-                      const std::map<std::string, double>& settings = {});
+                      const std::map<std::string, double>& settings = {}, std::optional<double> period = {});
 
 /// Whether the name of a file is that of a netlist: .cir, .net, .sp, .ckt, .spice.
 bool is_netlist(const std::filesystem::path& file);

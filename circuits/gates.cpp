@@ -35,7 +35,7 @@ class Search {
  public:
   Search(const Control& control, double close, double open) : control_(control), close_(close), open_(open) {}
 
-  void start(double v) { found_.on_at_start = on_ = v > close_; }
+  void start(double v, bool on) { found_.on_at_start = on_ = v > close_ || (on && v >= open_); }
 
   // A jump from the left limit to v.
   void jump(double t, double v) {
@@ -80,7 +80,7 @@ class Search {
 
 }  // namespace
 
-SwitchTimes switch_times(const Control& control, double close, double open, double T) {
+SwitchTimes switch_times(const Control& control, double close, double open, double T, std::optional<bool> on) {
   std::vector<double> marks{0, T};
   for (const auto& [source, factor] : control.sources) {
     const std::vector<double> own = source->breakpoints(T);
@@ -94,7 +94,7 @@ SwitchTimes switch_times(const Control& control, double close, double open, doub
   if (!linear && T / length > most_looks)
     throw Error(".tran", "the sources that control a switch have too many periods up to its end", "shorten it");
   Search search(control, close, open);
-  search.start(value(control, 0));
+  search.start(value(control, 0), on.value_or(false));
   for (std::size_t k = 0; k + 1 < marks.size(); ++k) {
     const double begin = marks[k], end = marks[k + 1];
     // Times of breakpoints are known to rounding: values are those in the piece.

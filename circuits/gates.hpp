@@ -3,6 +3,7 @@
 
 #include "circuits/waveform.hpp"
 
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -21,7 +22,7 @@ struct SwitchTimes {
 
 /// It closes where the signal rises above `close`, and opens where it falls below `open` <= `close`. Crossings are
 /// located to rounding: exactly between the breakpoints of piecewise linear sources, and for others with 64 looks a
-/// period.
-SwitchTimes switch_times(const Control&, double close, double open, double T);
+/// period. `on`: before t = 0, where the signal lies between the two; otherwise open.
+SwitchTimes switch_times(const Control&, double close, double open, double T, std::optional<bool> on = {});
 
 }  // namespace bromwich::circuits

@@ -58,8 +58,7 @@ Level sort_cards(const std::vector<Card>& cards, std::size_t& at, const Card* op
 
 const std::set<std::string> skipped{".options", ".option",   ".opt",   ".save",  ".probe", ".print",
                                     ".plot",    ".backanno", ".title", ".width", ".temp",  ".global"};
-const std::set<std::string> other_analyses{".op",   ".dc",   ".ac",      ".noise", ".tf",  ".four",
-                                           ".step", ".meas", ".measure", ".net",   ".wave"};
+const std::set<std::string> other_analyses{".op", ".dc", ".ac", ".noise", ".tf", ".four", ".step", ".net", ".wave"};
 
 // How many words an element has before its values.
 std::size_t nodes_of(char kind) { return kind == 'E' || kind == 'G' || kind == 'S' ? 4 : 2; }
@@ -195,7 +194,7 @@ class Flattening {
     switch (e.kind) {
       case 'V':
       case 'I':
-        e.source = read_waveform(rest, scope.parameters, card.place, netlist_.stop);
+        e.source = read_waveform(rest, scope.parameters, card.place, netlist_.stop, netlist_.periodic);
         if (const auto r = given("rser"); r && *r != 0 && e.kind == 'V') parasitic(card, "rser", *r, e);
         return;
       case 'D':
@@ -284,6 +283,10 @@ class Flattening {
               scope.parameters.value(value, card.place, ".ic");
       return;
     }
+    if (word == ".meas" || word == ".measure") {
+      netlist_.measures.emplace_back(card.place, card.text);
+      return;
+    }
     if (skipped.contains(word) || other_analyses.contains(word)) {
       used_skipped_.insert(word);
       return;
@@ -337,7 +340,9 @@ class Flattening {
     if (word == "0" || word == "gnd") return "0";
     if (const auto port = scope.ports.find(word); port != scope.ports.end()) return port->second;
     const std::string name = lower(scope.prefix) + word;
-    const auto at = lower(card.text).find(word);
+    const std::string text = lower(card.text) + " ";
+    std::size_t at = text.find(" " + word + " ");
+    if (at != std::string::npos) ++at;
     const std::string as_written = at == std::string::npos ? word : card.text.substr(at, word.size());
     netlist_.written.emplace(name, scope.prefix + as_written);
     return name;
@@ -359,17 +364,44 @@ class Flattening {
 
 }  // namespace
 
+namespace {
+
+// The period as the end of time, in place of .tran's.
+void close_period(Netlist& netlist, double wanted, const std::string& file_name) {
+  std::vector<double> periods;
+  for (const Element& e : netlist.elements) {
+    if ((e.kind != 'V' && e.kind != 'I') || e.source.constant) continue;
+    if (!(e.source.period > 0))
+      throw Error(to_string(e.place), fmt::format("{} is not periodic", e.name),
+                  "give PULSE with a period, SIN without damping, or a constant");
+    periods.push_back(e.source.period);
+  }
+  const double T = wanted > 0 ? wanted : common_period(periods);
+  if (!(T > 0))
+    throw Error(file_name, periods.empty() ? "has no source with a period" : "its sources have no common period",
+                "give one, --periodic 1m");
+  for (const double p : periods)
+    if (std::abs(T / p - std::round(T / p)) > 1e-9 * T / p)
+      throw Error(file_name, fmt::format("{:.6g} s is no multiple of {:.6g} s, the period of a source", T, p),
+                  "give a multiple of all periods, or auto");
+  netlist.stop = T, netlist.start = 0, netlist.step = T / 200;
+}
+
+}  // namespace
+
 Netlist read_netlist(std::string_view text, const std::string& file_name, const std::filesystem::path& folder,
-                     const std::map<std::string, double>& settings) {
+                     const std::map<std::string, double>& settings, std::optional<double> period) {
   const Deck deck = read_cards(text, file_name, folder);
   Netlist netlist;
   netlist.title = deck.title;
   netlist.inputs = deck.inputs;
+  netlist.periodic = period.has_value();
   std::size_t at = 0;
   const Level level = sort_cards(deck.cards, at, nullptr);
   Flattening(netlist, settings, deck.control).top(level);
   if (!(netlist.stop > 0)) throw Error(file_name, "there is no .tran", "add .tran STEP STOP");
   if (netlist.elements.empty()) throw Error(file_name, "there is no element", "add elements behind the title line");
+  if (period) close_period(netlist, *period, file_name);
   return netlist;
 }
 

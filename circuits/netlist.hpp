@@ -52,17 +52,20 @@ struct Netlist {
   std::string title;
   std::vector<Element> elements;
   std::vector<Coupling> couplings;
-  std::map<std::string, std::string> written;  ///< nodes in lower case: as they are written first
-  std::map<std::string, double> initial;       ///< .ic V(node)=
-  std::map<std::string, double> parameters;    ///< .param of the top level
-  double step = 0, stop = 0, start = 0;        ///< .tran; step 0: not given
-  bool use_initial = false;                    ///< uic
-  std::vector<std::string> notes;              ///< what was skipped or straightened, one line each
+  std::map<std::string, std::string> written;           ///< nodes in lower case: as they are written first
+  std::map<std::string, double> initial;                ///< .ic V(node)=
+  std::map<std::string, double> parameters;             ///< .param of the top level
+  double step = 0, stop = 0, start = 0;                 ///< .tran; step 0: not given
+  bool use_initial = false;                             ///< uic
+  bool periodic = false;                                ///< stop is the period
+  std::vector<std::pair<Place, std::string>> measures;  ///< .meas of the top level, as they are written
+  std::vector<std::string> notes;                       ///< what was skipped or straightened, one line each
   std::vector<std::filesystem::path> inputs;
 };
 
-/// Throws Error naming file, line and element. `settings` replace parameters of the top level.
+/// Throws Error naming file, line and element. `settings` replace parameters of the top level. `period`: of the
+/// periodic state that is asked for; 0: the least common one of the sources.
 Netlist read_netlist(std::string_view text, const std::string& file_name, const std::filesystem::path& folder,
-                     const std::map<std::string, double>& settings);
+                     const std::map<std::string, double>& settings, std::optional<double> period = {});
 
 }  // namespace bromwich::circuits

@@ -1,7 +1,5 @@
 #include "circuits/network.hpp"
 
-#include <Eigen/LU>
-
 #include <cmath>
 #include <numeric>
 
@@ -9,104 +7,97 @@ namespace bromwich::circuits {
 
 namespace {
 
-// Rows and columns scaled by powers of two, so that conductances of 1e-9 and 1e3 count alike in the search of pivots.
-struct Scaled {
-  Matrix P;
-  Vector rows, columns;
-};
+using Triplets = std::vector<Eigen::Triplet<double>>;
 
-Scaled equilibrated(Matrix P) {
-  Scaled s{std::move(P), {}, {}};
-  s.rows = Vector::Ones(s.P.rows());
-  s.columns = Vector::Ones(s.P.cols());
-  const auto power = [](double largest) { return largest > 0 ? std::exp2(-std::round(std::log2(largest) / 2)) : 1.0; };
-  for (int pass = 0; pass < 6; ++pass) {
-    for (Index i = 0; i < s.P.rows(); ++i) {
-      const double f = power(s.P.row(i).cwiseAbs().maxCoeff());
-      s.P.row(i) *= f, s.rows[i] *= f;
+Rows from(const Triplets& entries, Index rows, Index columns) {
+  Rows m(rows, columns);
+  m.setFromTriplets(entries.begin(), entries.end());
+  return m;
+}
+
+/// The equations P z = Q s of the unknown z, voltages of the nodes 1, 2, ... and currents of the branches of voltage;
+/// and all currents, C z + D s.
+struct Equations {
+  Equations(const std::vector<Branch>& branches, Index nodes, Index signals)
+      : branches_(branches), unknown_(branches.size(), -1), size_(nodes - 1) {
+    for (std::size_t b = 0; b < branches.size(); ++b)
+      if (branches[b].of_voltage) unknown_[b] = size_++;
+    for (std::size_t b = 0; b < branches.size(); ++b) add(Index(b));
+    P = from(p_, size_, size_), Q = from(q_, size_, signals);
+    C = from(c_, Index(branches.size()), size_), D = from(d_, Index(branches.size()), signals);
+    P.prune(0.0, 0.0);
+  }
+
+  Rows P, Q, C, D;
+  const std::vector<Index>& unknown() const { return unknown_; }
+
+ private:
+  static void entry(Triplets& to, Index row, Index column, double value) {
+    to.emplace_back(int(row), int(column), value);
+  }
+  static void of_node(Triplets& to, Index row, Index node, double value) {
+    if (node > 0) entry(to, row, node - 1, value);
+  }
+
+  void add(Index b) {
+    const Branch& one = branches_[std::size_t(b)];
+    const Index own = unknown_[std::size_t(b)];
+    if (one.of_voltage) {  // v(from) - v(to) - R i - ... = a s
+      of_node(p_, own, one.from, 1), of_node(p_, own, one.to, -1);
+      entry(p_, own, own, -one.slope);
+      for (const auto& [pair, k] : one.voltages) of_node(p_, own, pair.first, -k), of_node(p_, own, pair.second, k);
+      for (const auto& [other, r] : one.currents) entry(p_, own, unknown_[std::size_t(other)], -r);
+      for (const auto& [signal, a] : one.signals) entry(q_, own, signal, a);
+      entry(c_, b, own, 1);
+    } else {
+      of_node(c_, b, one.from, one.slope), of_node(c_, b, one.to, -one.slope);
+      for (const auto& [pair, k] : one.voltages) of_node(c_, b, pair.first, k), of_node(c_, b, pair.second, -k);
+      for (const auto& [other, r] : one.currents) entry(c_, b, unknown_[std::size_t(other)], r);
+      for (const auto& [signal, a] : one.signals) entry(d_, b, signal, a);
     }
-    for (Index i = 0; i < s.P.cols(); ++i) {
-      const double f = power(s.P.col(i).cwiseAbs().maxCoeff());
-      s.P.col(i) *= f, s.columns[i] *= f;
+    for (const auto& [node, sign] : {std::pair(one.from, 1.0), {one.to, -1.0}}) {  // what leaves a node is 0
+      if (node == 0) continue;
+      const Index row = node - 1;
+      if (one.of_voltage) {
+        entry(p_, row, own, sign);
+        continue;
+      }
+      of_node(p_, row, one.from, sign * one.slope), of_node(p_, row, one.to, -sign * one.slope);
+      for (const auto& [pair, k] : one.voltages)
+        of_node(p_, row, pair.first, sign * k), of_node(p_, row, pair.second, -sign * k);
+      for (const auto& [other, r] : one.currents) entry(p_, row, unknown_[std::size_t(other)], sign * r);
+      for (const auto& [signal, a] : one.signals) entry(q_, row, signal, -sign * a);
     }
   }
-  return s;
+
+  const std::vector<Branch>& branches_;
+  std::vector<Index> unknown_;
+  Index size_;
+  Triplets p_, q_, c_, d_;
+};
+
+// Entries that are rounding of their column: signals that do not reach a node.
+void clean(Rows& m) {
+  Vector largest = Vector::Zero(m.cols());
+  for (Index i = 0; i < m.rows(); ++i)
+    for (Rows::InnerIterator e(m, i); e; ++e) largest[e.col()] = std::max(largest[e.col()], std::abs(e.value()));
+  m.prune([&](Index, Index column, double value) { return std::abs(value) > 1e-15 * largest[column]; });
 }
 
 }  // namespace
 
 NetworkSolution solve_network(const std::vector<Branch>& branches, Index nodes, Index signals) {
-  // Unknown: voltages of the nodes 1, 2, ..., then the currents of the branches of voltage.
-  std::vector<Index> unknown(branches.size(), -1);
-  Index size = nodes - 1;
-  for (std::size_t b = 0; b < branches.size(); ++b)
-    if (branches[b].of_voltage) unknown[b] = size++;
-  Matrix P = Matrix::Zero(size, size), Q = Matrix::Zero(size, signals);
-  const auto add = [&](Index row, Index node, double value) {
-    if (row >= 0 && node > 0) P(row, node - 1) += value;
-  };
-  for (std::size_t b = 0; b < branches.size(); ++b) {
-    const Branch& one = branches[b];
-    const Index from = one.from - 1, to = one.to - 1;
-    if (one.of_voltage) {  // v(from) - v(to) - R i - ... = a s
-      const Index row = unknown[b];
-      add(row, one.from, 1), add(row, one.to, -1);
-      P(row, row) -= one.slope;
-      for (const auto& [pair, k] : one.voltages) add(row, pair.first, -k), add(row, pair.second, k);
-      for (const auto& [other, r] : one.currents) P(row, unknown[std::size_t(other)]) -= r;
-      for (const auto& [signal, a] : one.signals) Q(row, signal) += a;
-      if (from >= 0) P(from, row) += 1;
-      if (to >= 0) P(to, row) -= 1;
-      continue;
-    }
-    for (const auto& [node, sign] :
-         {std::pair(from, 1.0), {to, -1.0}}) {  // the sum of currents that leave the node is 0
-      if (node < 0) continue;
-      add(node, one.from, sign * one.slope), add(node, one.to, -sign * one.slope);
-      for (const auto& [pair, k] : one.voltages) add(node, pair.first, sign * k), add(node, pair.second, -sign * k);
-      for (const auto& [other, r] : one.currents) P(node, unknown[std::size_t(other)]) += sign * r;
-      for (const auto& [signal, a] : one.signals) Q(node, signal) -= sign * a;
-    }
-  }
+  const Equations equations(branches, nodes, signals);
   NetworkSolution solution;
-  const Scaled scaled = equilibrated(P);
-  Eigen::FullPivLU<Matrix> lu(scaled.P);
-  lu.setThreshold(1e-13 * double(std::max<Index>(size, 1)));
-  if (size > 0 && !lu.isInvertible()) {
-    Index worst = 0;
-    lu.kernel().col(0).cwiseAbs().maxCoeff(&worst);
+  const BlockSolution found = solve_in_blocks(equations.P, equations.Q);
+  if (found.singular >= 0) {
+    if (found.singular < nodes - 1) solution.singular_node = found.singular + 1;
     for (std::size_t b = 0; b < branches.size(); ++b)
-      if (unknown[b] == worst) solution.singular_branch = Index(b);
-    if (worst < nodes - 1) solution.singular_node = worst + 1;
+      if (equations.unknown()[b] == found.singular) solution.singular_branch = Index(b);
     return solution;
   }
-  Matrix Z = scaled.columns.asDiagonal() * lu.solve(Matrix(scaled.rows.asDiagonal() * Q));
-  // One step of refinement: what cancels should cancel.
-  Z += scaled.columns.asDiagonal() * lu.solve(Matrix(scaled.rows.asDiagonal() * (Q - P * Z)));
-  solution.voltages = Matrix::Zero(nodes, signals);
-  solution.voltages.bottomRows(nodes - 1) = Z.topRows(nodes - 1);
-  solution.currents = Matrix::Zero(Index(branches.size()), signals);
-  for (std::size_t b = 0; b < branches.size(); ++b) {
-    const Branch& one = branches[b];
-    auto row = solution.currents.row(Index(b));
-    if (one.of_voltage) {
-      row = Z.row(unknown[b]);
-      continue;
-    }
-    row = one.slope * (solution.voltages.row(one.from) - solution.voltages.row(one.to));
-    for (const auto& [pair, k] : one.voltages)
-      row += k * (solution.voltages.row(pair.first) - solution.voltages.row(pair.second));
-    for (const auto& [other, r] : one.currents) row += r * Z.row(unknown[std::size_t(other)]);
-    for (const auto& [signal, a] : one.signals) row[signal] += a;
-  }
-  // Entries that are rounding of their column: signals that do not reach a node.
-  const auto clean = [](Matrix& m) {
-    for (Index j = 0; j < m.cols(); ++j) {
-      const double small = 1e-15 * m.col(j).cwiseAbs().maxCoeff();
-      for (Index i = 0; i < m.rows(); ++i)
-        if (std::abs(m(i, j)) <= small) m(i, j) = 0;
-    }
-  };
+  solution.currents = Rows(equations.C * found.Z) + equations.D;
+  solution.voltages = below(Rows(1, signals), Rows(found.Z.topRows(nodes - 1)));
   clean(solution.voltages);
   clean(solution.currents);
   return solution;

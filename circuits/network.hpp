@@ -10,7 +10,7 @@
 // (Ho, Ruehli, Brennan, IEEE Trans. Circuits Syst. 22, 1975) solves the network for all right sides at once; the normal
 // tree (Bryant, Proc. IEE 106C, 1959) decides which elements store a state and which are in excess.
 
-#include "core/base/types.hpp"
+#include "circuits/rows.hpp"
 
 #include <string>
 #include <utility>
@@ -32,13 +32,10 @@ struct Branch {
 
 /// Voltages of all nodes and currents of all branches as linear functions of the signals: one row each.
 struct NetworkSolution {
-  Matrix voltages;           ///< nodes x signals; row 0 is zero
-  Matrix currents;           ///< branches x signals
+  Rows voltages;             ///< nodes x signals; row 0 is zero
+  Rows currents;             ///< branches x signals
   Index singular_node = -1;  ///< where the equations are singular: a node or a branch concerned, otherwise -1
   Index singular_branch = -1;
-
-  /// Voltage from one node to another, as a row.
-  Eigen::RowVectorXd voltage(Index from, Index to) const { return voltages.row(from) - voltages.row(to); }
 };
 
 /// `nodes`: ground included.

@@ -2,24 +2,28 @@
 
 #include "core/lcp/active_set.hpp"
 
-#include <Eigen/LU>
+#include <Eigen/SparseLU>
 
 namespace bromwich::circuits {
 
-std::optional<Vector> operating_point(const Matrix& A, const Matrix& B, const Vector& b, const Matrix& N,
-                                      const Matrix& M, const Vector& q, double T) {
+std::optional<Vector> operating_point(const SparseMatrix& A, const SparseMatrix& B, const Vector& b,
+                                      const SparseMatrix& N, const SparseMatrix& M, const Vector& q, double T) {
   constexpr int steps = 60;
   constexpr double rest = 1e-11, growth = 8;
   const Index m = A.rows();
   Vector x = Vector::Zero(m), y = Vector::Zero(M.rows());
+  if (m == 0) return x;
   double h = T / 64;
+  SparseMatrix unit(m, m);
+  unit.setIdentity();
   for (int k = 0; k < steps; ++k, h *= growth) {
-    const Eigen::FullPivLU<Matrix> lu(Matrix::Identity(m, m) - h * A);
-    if (!lu.isInvertible()) return std::nullopt;
+    const SparseMatrix step_matrix = unit - h * A;
+    Eigen::SparseLU<SparseMatrix> lu(step_matrix);
+    if (lu.info() != Eigen::Success) return std::nullopt;
     const Vector free = lu.solve(Vector(x + h * b));
     Vector next = free;
     if (M.rows() > 0) {
-      const Matrix response = h * lu.solve(B), step = M + N * response;
+      const Matrix response = h * Matrix(lu.solve(Matrix(B))), step = Matrix(M) + N * response;
       ActiveSetLcp problem(step, selection_class(LcpMatrix(step), LcpClass::automatic));
       if (!problem.solve(N * free + q, y).solved) return std::nullopt;
       next += response * y;

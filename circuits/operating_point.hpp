@@ -9,7 +9,7 @@ namespace bromwich::circuits {
 
 /// x with A x + B y + b = 0, 0 <= y ⊥ N x + M y + q >= 0, reached from x = 0 by steps of implicit Euler that grow;
 /// empty where they do not come to rest (an ideal inductor across a source) or a step has no solution.
-std::optional<Vector> operating_point(const Matrix& A, const Matrix& B, const Vector& b, const Matrix& N,
-                                      const Matrix& M, const Vector& q, double T);
+std::optional<Vector> operating_point(const SparseMatrix& A, const SparseMatrix& B, const Vector& b,
+                                      const SparseMatrix& N, const SparseMatrix& M, const Vector& q, double T);
 
 }  // namespace bromwich::circuits

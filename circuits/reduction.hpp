@@ -11,29 +11,24 @@
 // the state z = x - H u takes u' away: z' = A z + B y + (E^{-1} V_u + A H) u.
 
 #include "circuits/netlist.hpp"
-#include "core/base/types.hpp"
+#include "circuits/network.hpp"
 
 #include <string>
 #include <vector>
 
 namespace bromwich::circuits {
 
-/// A row over (z, y, u, u').
-struct Row {
-  Eigen::RowVectorXd z, y, u, slope;
-};
-
-struct Pair {
-  std::string name;  ///< of the element, "D1", "S1.p"
-  Row w;
+/// Rows over (z, y, u, u').
+struct Forms {
+  Rows z, y, u, slope;
 };
 
 /// A switch that is opened and closed by sources.
 struct Gate {
   Index element = 0;
-  Index source = 0;            ///< its number in u
-  double open, closed;         ///< values of this source: a bound
-  Eigen::RowVectorXd control;  ///< the control signal over u
+  Index source = 0;     ///< its number in u
+  double open, closed;  ///< values of this source: a bound
+  Terms control;        ///< the control signal over u
 };
 
 /// An element whose voltage or current the others determine.
@@ -43,19 +38,20 @@ struct Dependence {
 };
 
 struct Reduction {
-  Matrix A, B, F;                   ///< z' = A z + B y + F u
-  std::vector<Pair> pairs;          ///< w, one row each
+  Rows A, B, F;                     ///< z' = A z + B y + F u
+  std::vector<std::string> pairs;   ///< of the element, "D1", "S1.p"
+  Forms w;                          ///< one row a pair
   std::vector<std::string> states;  ///< "V(C1)", "I(L1)"
   std::vector<Index> storage;       ///< elements of the states
-  Matrix H;                         ///< x = z + H u
+  Rows H;                           ///< x = z + H u
   std::vector<Index> excess;        ///< elements that store as others do: s = P x + Q u
-  Matrix P, Q;
-  Matrix jump;  ///< the charges and fluxes that s is off by at a start change x: x += jump (P x + Q u - s)
+  Rows P, Q;
+  Rows jump;  ///< the charges and fluxes that s is off by at a start change x: x += jump (P x + Q u - s)
   std::vector<Index> inputs;  ///< elements of the sources u_1, ..., in this order; gates behind
   Index sources = 0;          ///< length of u
   std::vector<Gate> gates;
-  std::vector<std::pair<std::string, Row>> voltages;  ///< of nodes
-  std::vector<std::pair<std::string, Row>> currents;  ///< of elements
+  std::vector<std::string> outputs;  ///< V of all nodes but ground, then I of all elements
+  Forms of_outputs;
   std::vector<Dependence> dependences;
   std::vector<std::string> open;  ///< diodes and switches without a parallel resistance: "D1"
   std::vector<std::string> notes;

@@ -48,7 +48,7 @@ Waveform from_points(Points points) {
 }
 
 // PULSE(v1 v2 delay rise fall width period [cycles])
-Waveform pulse(const std::vector<double>& a, double stop, const Place& place) {
+Waveform pulse(const std::vector<double>& a, double stop, const Place& place, bool settled) {
   const auto at = [&a](std::size_t i, double otherwise) { return i < a.size() ? a[i] : otherwise; };
   const double v1 = at(0, 0), v2 = at(1, 0), delay = at(2, 0), rise = at(3, 0), fall = at(4, 0);
   const double width = at(5, stop > 0 ? stop : INFINITY), period = at(6, INFINITY), cycles = at(7, INFINITY);
@@ -58,11 +58,12 @@ Waveform pulse(const std::vector<double>& a, double stop, const Place& place) {
   Points one{{0, rise, rise + width, rise + width + fall}, {v1, v2, v2, v1}};
   Waveform w;
   w.linear = true;
+  const bool always = settled && std::isfinite(period) && !(cycles > 0 && std::isfinite(cycles));
   const double last = cycles > 0 ? cycles : INFINITY;
   // Whether t is in a pulse, and where in it. Times within rounding of the begin of a period belong to it.
   const auto place_in = [=](double t, double& inside) {
     inside = t - delay;
-    if (inside < 0) return false;
+    if (inside < 0 && !always) return false;
     if (!std::isfinite(period)) return true;
     double k = std::floor(inside / period);
     if (inside - (k + 1) * period >= 0) ++k;
@@ -87,7 +88,7 @@ Waveform pulse(const std::vector<double>& a, double stop, const Place& place) {
                   fmt::format("PULSE has {:.3g} periods up to the end of .tran", (T - delay) / period),
                   "shorten .tran");
     std::vector<double> all;
-    for (double k = 0; k < last; ++k) {
+    for (double k = always ? -std::ceil(std::max(delay, 0.0) / period) - 1 : 0; k < last; ++k) {
       const double start = std::isfinite(period) ? delay + k * period : delay;
       if (!(start < T)) break;
       for (const double edge : one.t)
@@ -101,23 +102,25 @@ Waveform pulse(const std::vector<double>& a, double stop, const Place& place) {
 }
 
 // SIN(offset amplitude frequency [delay [damping [degrees]]])
-Waveform sine(const std::vector<double>& a) {
+Waveform sine(const std::vector<double>& a, bool settled) {
   const auto at = [&a](std::size_t i) { return i < a.size() ? a[i] : 0.0; };
   const double offset = at(0), amplitude = at(1), omega = 2 * pi * at(2), delay = at(3), damping = at(4),
                phase = at(5) * pi / 180;
+  const bool always = settled && damping == 0;
   Waveform w;
+  w.constant = amplitude == 0 || (omega == 0 && damping == 0);
   w.value = [=](double t) {
-    const double s = std::max(0.0, t - delay);
+    const double s = always ? t - delay : std::max(0.0, t - delay);
     return offset + amplitude * std::exp(-s * damping) * std::sin(omega * s + phase);
   };
   w.slope = [=](double t) {
     const double s = t - delay;
-    if (s < 0) return 0.0;
+    if (s < 0 && !always) return 0.0;
     return amplitude * std::exp(-s * damping) *
            (omega * std::cos(omega * s + phase) - damping * std::sin(omega * s + phase));
   };
-  w.breakpoints = [delay](double T) {
-    return delay > 0 && delay < T ? std::vector<double>{delay} : std::vector<double>{};
+  w.breakpoints = [delay, always](double T) {
+    return !always && delay > 0 && delay < T ? std::vector<double>{delay} : std::vector<double>{};
   };
   w.period = damping == 0 && at(2) > 0 ? 1 / at(2) : 0;
   return w;
@@ -162,6 +165,10 @@ Waveform modulated(const std::vector<double>& a) {
            (carrier + index * signal * std::cos(signal * t));
   };
   w.breakpoints = [](double) { return std::vector<double>{}; };
+  if (signal == 0)
+    w.period = carrier > 0 ? 2 * pi / carrier : 0;
+  else if (carrier > 0)
+    w.period = common_period({2 * pi / carrier, 2 * pi / signal});
   return w;
 }
 
@@ -185,12 +192,25 @@ Waveform constant_waveform(double value) {
   w.value = [value](double) { return value; };
   w.slope = [](double) { return 0.0; };
   w.breakpoints = [](double) { return std::vector<double>{}; };
-  w.linear = true;
+  w.linear = w.constant = true;
   return w;
 }
 
+double common_period(const std::vector<double>& periods) {
+  constexpr double most = 1e4, rounding = 1e-9;
+  if (periods.empty()) return 0;
+  const double longest = *std::max_element(periods.begin(), periods.end());
+  for (double k = 1; k <= most; ++k) {
+    const double T = k * longest;
+    if (std::all_of(periods.begin(), periods.end(),
+                    [&](double p) { return std::abs(T / p - std::round(T / p)) <= rounding * T / p; }))
+      return T;
+  }
+  return 0;
+}
+
 Waveform read_waveform(const std::vector<std::string>& words, const Parameters& parameters, const Place& place,
-                       double stop) {
+                       double stop, bool settled) {
   std::string all;
   for (const std::string& word : words) all += word + " ";
   std::vector<std::string> list = split_arguments(all);
@@ -214,8 +234,8 @@ Waveform read_waveform(const std::vector<std::string>& words, const Parameters& 
       }
       return values;
     };
-    if (word == "pulse") return pulse(numbers(), stop, place);
-    if (word == "sin" || word == "sine") return sine(numbers());
+    if (word == "pulse") return pulse(numbers(), stop, place, settled);
+    if (word == "sin" || word == "sine") return sine(numbers(), settled);
     if (word == "pwl") return from_points(points_of(numbers(), place));
     if (word == "exp") return exponential(numbers(), place);
     if (word == "sffm") return modulated(numbers());

@@ -16,12 +16,17 @@ struct Waveform {
   std::function<std::vector<double>(double T)> breakpoints;
   double period = 0;    ///< 0: not periodic
   bool linear = false;  ///< between its breakpoints
+  bool constant = false;
 };
 
 Waveform constant_waveform(double value);
 
 /// Of a card `V name n+ n- [DC v] [AC ...] [PULSE(...)]`: `words` behind the nodes. `stop`: of .tran, default of times.
-/// Throws Error naming the place.
-Waveform read_waveform(const std::vector<std::string>& words, const Parameters&, const Place&, double stop);
+/// `settled`: as it is long after its delay, also before. Throws Error naming the place.
+Waveform read_waveform(const std::vector<std::string>& words, const Parameters&, const Place&, double stop,
+                       bool settled = false);
+
+/// The least time that is a multiple of all periods; 0 where there is none up to 10^4 of the longest.
+double common_period(const std::vector<double>& periods);
 
 }  // namespace bromwich::circuits

@@ -4,6 +4,8 @@
 
 #include <nlohmann/json.hpp>
 
+#include <cmath>
+
 namespace bromwich {
 namespace {
 
@@ -38,6 +40,60 @@ TEST_F(CliCircuit, MistakesEndWithOneLine) {
     EXPECT_EQ(found.err,
               "bromwich: c.cir: line 3: V2 closes a loop of voltage sources; put a resistance into the loop\n");
   }
+}
+
+// An RC low pass behind a square wave: the mean is the duty, the heat of R1 what the source supplies.
+const char* const low_pass =
+    "low pass\nV1 a 0 PULSE(0 1 0 0 0 0.25m 1m)\nR1 a b 1k\nC1 b 0 1u\n.tran 10u 5m uic\n"
+    ".meas tran late FIND V(b) AT=0.25m\n.meas never WHEN V(b)=2\n";
+
+TEST_F(CliCircuit, ColumnsAreOutputsAndExpressions) {
+  write("c.cir", low_pass);
+  ASSERT_EQ(
+      run("solve c.cir --tol-x 1e-8 --columns 'V(b),V(a,b),P(R1),V(a)*I(R1)' --at 0.25e-3,1e-3 --out c.csv").exit_code,
+      0);
+  const std::vector<std::string> lines = split(file("c.csv"), '\n');
+  ASSERT_EQ(lines.size(), 3u);
+  EXPECT_EQ(lines[0], "t,V(b),V(a)-V(b),P(R1),V(a)*I(R1)");
+  const std::vector<std::string> last = split(lines[2], ',');
+  const double b = (1 - std::exp(-0.25)) * std::exp(-0.75);  // at 1 ms the source is 1 V again
+  EXPECT_NEAR(std::stod(last[1]), b, 1e-7);
+  EXPECT_NEAR(std::stod(last[2]), 1 - b, 1e-7);
+  EXPECT_NEAR(std::stod(last[3]), (1 - b) * (1 - b) / 1e3, 1e-9);
+  EXPECT_NEAR(std::stod(last[4]), (1 - b) / 1e3, 1e-9);
+  const Outcome unknown = run("solve c.cir --columns 'V(c)' --out c.csv");
+  EXPECT_EQ(unknown.exit_code, 2);
+  EXPECT_NE(unknown.err.find("'V(c)' has no node 'c'"), std::string::npos) << unknown.err;
+}
+
+TEST_F(CliCircuit, MeasureCardsArePrinted) {
+  write("c.cir", low_pass);
+  const Outcome found = run("solve c.cir --tol-x 1e-8");
+  EXPECT_NE(found.out.find("measure     late = 0.2211992"), std::string::npos) << found.out;  // 1 - e^{-1/4}
+  EXPECT_NE(found.out.find("measure     never: V(b) = 2 is passed 0 times"), std::string::npos) << found.out;
+  const auto json = nlohmann::json::parse(run("solve c.cir --tol-x 1e-8 --json").out);
+  EXPECT_NEAR(json["measures"]["late"]["value"].get<double>(), -std::expm1(-0.25), 1e-8);
+  EXPECT_TRUE(json["measures"]["never"]["value"].is_null());
+}
+
+TEST_F(CliCircuit, PeriodicStateWithBalance) {
+  write("c.cir", low_pass);
+  for (const char* period : {"auto", "1m", "2e-3"}) {
+    const Outcome found = run(std::string("solve c.cir --json --periodic ") + period);
+    ASSERT_EQ(found.exit_code, 0) << found.err;
+    const auto json = nlohmann::json::parse(found.out);
+    EXPECT_NEAR(json["outputs"]["V(b)"]["mean"].get<double>(), 0.25, 1e-9);
+    const double q = std::exp(-0.25), p = std::exp(-0.75), high = (1 - q) / (1 - p * q);
+    EXPECT_NEAR(json["outputs"]["V(b)"]["max"].get<double>(), high, 1e-7);
+    EXPECT_LT(json["balance"]["error"].get<double>(), 1e-9);
+    EXPECT_NEAR(json["balance"]["elements"]["V1"]["power"].get<double>(),
+                -json["balance"]["elements"]["R1"]["power"].get<double>(), 1e-12);
+  }
+  EXPECT_NE(run("solve c.cir --periodic auto").out.find("energy      supplied"), std::string::npos);
+  const Outcome bad = run("solve c.cir --periodic 1.5m");
+  EXPECT_EQ(bad.exit_code, 2);
+  EXPECT_NE(bad.err.find("is no multiple of 0.001 s"), std::string::npos) << bad.err;
+  EXPECT_NE(run("solve signorini --periodic auto").err.find("--periodic: is given with signorini"), std::string::npos);
 }
 
 }  // namespace

@@ -76,10 +76,9 @@ TEST(Models, LinesAndJunctions) {
 }
 
 TEST(Netlist, WhatIsSkippedIsNamedOnce) {
-  const Netlist n =
-      netlist_of("R1 a 0 1\n.save V(a)\n.options reltol=1e-3\n.save I(R1)\n.meas tran x AVG V(a)\n.tran 1m\n");
+  const Netlist n = netlist_of("R1 a 0 1\n.save V(a)\n.options reltol=1e-3\n.save I(R1)\n.four 1k V(a)\n.tran 1m\n");
   ASSERT_EQ(n.notes.size(), 1u);
-  EXPECT_EQ(n.notes[0], "skipped: .meas .options .save");
+  EXPECT_EQ(n.notes[0], "skipped: .four .options .save");
 }
 
 TEST(Netlist, WhatIsNotReadIsNamedOnce) {
@@ -129,7 +128,7 @@ TEST(NetlistMistakes, AreNamed) {
       {"V1 a 0 PWL(0 1 2)\nR1 a 0 1" + end, "PWL has no pairs"},
       {"V1 a 0 1\nL1 a 0 1m" + end, "there is no operating point"},
       {"V1 in 0 1\nR1 in x 1\nE1 x 0 y 0 1\nR2 y 0 1\nE2 y 0 x 0 1" + end,
-       "test.cir: line 3: the resistive network is singular; involved: node "},
+       "test.cir: line 5: the resistive network is singular; involved: node y"},
       {"V1 in 0 1\nR1 in 0 1\nF1 0 x V1 0\nG1 x 0 in 0 1" + end, "F1: nothing but current sources leads to node x"},
       {"V1 in 0 1\nD1 in a DI\nR1 a 0 1\nE1 b 0 a 0 2\nC1 b 0 1u\n.model DI D(Ron=1)" + end,
        "C1 closes a loop with controlled sources"},
@@ -160,6 +159,15 @@ TEST(NetlistMistakes, AreNamed) {
       {"R1 a 0 1\n.foo" + end, ".foo is unknown"},
       {".tran 1m", "there is no element"},
       {"R1 a 0 1\n.include none.inc" + end, "cannot be read"},
+      {"R1 a 0 1\n.meas tran x FOO V(a)" + end, "test.cir: line 3: .meas x: 'foo' is unknown"},
+      {"R1 a 0 1\n.meas tran x" + end, ".meas ends too early"},
+      {"R1 a 0 1\n.meas tran x AVG V(b)" + end, "'V(b)' has no node 'b'"},
+      {"R1 a 0 1\n.meas tran x AVG I(R2)" + end, "'I(R2)' has no element 'r2'"},
+      {"R1 a 0 1\n.meas tran x AVG V(a) RISE 1" + end, "x: 'rise' is not understood"},
+      {"R1 a 0 1\n.meas tran x FIND V(a)" + end, "x: FIND without AT or WHEN"},
+      {"R1 a 0 1\n.meas tran x TRIG V(a) VAL=1" + end, "x: TRIG without TARG"},
+      {"R1 a 0 1\n.meas tran x WHEN V(a)=1 RISE=0" + end, "counts from 1"},
+      {"R1 a 0 1\n.meas ac x AVG V(a)" + end, "ac is not an analysis here"},
       {"V1 a 0 PULSE(0 1 0 -1n)\nR1 a 0 1" + end, "PULSE has a negative time"},
       {"V1 a 0 EXP(0 1 0)\nR1 a 0 1" + end, "EXP needs six numbers"},
       {"V1 a 0 PWL(1 0 0 1)\nR1 a 0 1" + end, "PWL: 0 follows 1"},

@@ -1,6 +1,8 @@
 // What the reduction has found and says: loops, cutsets, windings, and what is kept where a start is inconsistent.
 
+#include "core/solve/dense_output.hpp"
 #include "tests/circuits/circuits.hpp"
+#include "tests/support/run.hpp"
 
 #include <gtest/gtest.h>
 
@@ -54,6 +56,44 @@ TEST(Reduction, CapacitorsShareTheirCharge) {
   // A source of 12 V in series with C1 and C2, both empty: b is at C1 / (C1 + C2) of it.
   const Circuit divider = circuit_of("V1 a 0 12\nC1 a b 1u\nC2 b 0 3u\nR1 b 0 1k\n.tran 1m uic\n");
   EXPECT_NEAR(at_start(divider, "V(b)"), 3, 1e-12);
+}
+
+// Resistances alone have a state that stays 0: a half wave into 10 ohm.
+TEST(Reduction, CircuitsWithoutStorage) {
+  const Circuit c = circuit_of("V1 a 0 SIN(0 10 50)\nD1 a b DI\nR1 b 0 10\n.model DI D(Ron=1)\n.tran 1m 20m\n");
+  EXPECT_EQ(c.scene.states(), 1);
+  Options options;
+  options.states = StateSelection::all;
+  options.tolerance_x = 1e-4;
+  const auto backend = make_cpu_backend(1);
+  const Result r = solve(c.scene, *backend, options);
+  ASSERT_EQ(r.status, Status::solved) << r.reason;
+  const RowMatrix v = output_values(c, at_times(c.scene, *backend, r, {5e-3, 15e-3}));
+  for (std::size_t i = 0; i < c.outputs.size(); ++i)
+    if (c.outputs[i].name == "I(R1)") {
+      EXPECT_NEAR(v(0, Index(i)), 10.0 / 11, 1e-12);
+      EXPECT_NEAR(v(1, Index(i)), 0, 1e-12);
+    }
+}
+
+// A ladder of R and C: the rows of A have -1, 1 or -2, 1, whatever its length, and no other entries.
+TEST(Reduction, LaddersStaySparse) {
+  std::string cards = "V1 n0 0 1\n";
+  constexpr int n = 3000;
+  for (int k = 0; k < n; ++k) {
+    const std::string a = std::to_string(k), b = std::to_string(k + 1);
+    cards += "R" + b + " n" + a + " n" + b + " 2\nC" + b + " n" + b + " 0 0.5\n";
+  }
+  const Circuit c = circuit_of(cards + ".tran 1 uic\n");
+  ASSERT_EQ(c.scene.states(), n);
+  const auto matrices = c.scene.dynamics->matrices();
+  ASSERT_TRUE(matrices);
+  const SparseMatrix& A = matrices->A;
+  EXPECT_EQ(A.nonZeros(), 3 * n - 2);
+  for (int k = 0; k < n; ++k) {
+    EXPECT_NEAR(A.coeff(k, k), k + 1 < n ? -2 : -1, 1e-12);
+    if (k > 0) EXPECT_NEAR(A.coeff(k, k - 1), 1, 1e-12);
+  }
 }
 
 // Flux around L1, L2, L5: 2 mH 3 A = (1 mH + 2 mH) i - 1 mH (1 A - i).
