@@ -6,7 +6,7 @@
 //
 // The exit code is 1 if any differs.
 
-#include "core/base/error.hpp"
+#include "bench/pairs.hpp"
 #include "core/build_info.hpp"
 #include "core/solve/solve.hpp"
 #include "cpu/cpu_backend.hpp"
@@ -31,6 +31,8 @@ namespace {
 
 using namespace bromwich;
 using nlohmann::ordered_json;
+using study::apart;
+using study::Ended;
 
 constexpr std::array methods{Method::automatic, Method::march, Method::euler,  Method::contour, Method::contour_literal,
                              Method::multigrid, Method::dual,  Method::events, Method::galerkin};
@@ -63,38 +65,13 @@ Arguments parse(int argc, char** argv) {
   return a;
 }
 
-struct Ended {
-  std::string status, reason;
-  Result result;
-};
-
 Ended ended(const oracle::RandomScene& random, Method method, Backend& backend, double seconds) {
   using Clock = std::chrono::steady_clock;
   const auto begin = Clock::now();
   Options options;
   options.method = method, options.steps = random.steps, options.states = StateSelection::all;
   options.interrupted = [=] { return std::chrono::duration<double>(Clock::now() - begin).count() > seconds; };
-  Ended e;
-  try {
-    e.result = solve(random.scene, backend, options);
-    e.status = to_string(e.result.status), e.reason = e.result.reason;
-  } catch (const Error& error) {
-    e.status = "error", e.reason = error.what();
-  }
-  return e;
-}
-
-/// Relative to the largest value; infinite if the shapes differ or only one has NaN somewhere.
-double apart(const RowMatrix& a, const RowMatrix& b) {
-  if (a.rows() != b.rows() || a.cols() != b.cols()) return INFINITY;
-  double difference = 0, size = 0;
-  for (Index i = 0; i < a.size(); ++i) {
-    const double u = a.data()[i], v = b.data()[i];
-    if (std::isnan(u) != std::isnan(v)) return INFINITY;
-    if (std::isnan(u)) continue;
-    difference = std::max(difference, std::abs(u - v)), size = std::max(size, std::abs(u));
-  }
-  return difference > 0 ? difference / size : 0;
+  return study::ended([&] { return solve(random.scene, backend, options); });
 }
 
 struct Row {
