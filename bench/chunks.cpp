@@ -2,17 +2,17 @@
 // status, and with x and y that differ by less than --limit of the largest value.
 //
 //     bromwich_chunks [--count 200] [--first-seed 0] [--chunks 16] [--threads 2] [--cold] [--limit 1e-11]
-//                     [--out FILE.json] [--all] [SCENE.toml[:STEPS] ...]
+//                     [--device] [--out FILE.json] [--all] [SCENE.toml[:STEPS] ...]
 //
-// Prints how many scenes took how many passes; --all prints every one. The times of a scene file are CPU times of the
-// solves alone, without confirmation. The exit code is 1 if any differs.
+// --device: the chunks are marched there. Prints how many scenes took how many passes; --all prints every one. The
+// times of a scene file are CPU times of the solves alone, without confirmation. The exit code is 1 if any differs.
 
-#include "core/base/error.hpp"
+#include "bench/pairs.hpp"
 #include "core/build_info.hpp"
-#include "core/solve/solve.hpp"
-#include "core/solve/stages.hpp"
+#include "core/solve/engines.hpp"
 #include "cpu/cpu_backend.hpp"
 #include "files/scene_file.hpp"
+#include "kernels/cuda_backend.hpp"
 #include "tests/support/random_scenes.hpp"
 
 #include <nlohmann/json.hpp>
@@ -32,13 +32,15 @@ namespace {
 
 using namespace bromwich;
 using nlohmann::ordered_json;
+using study::apart;
+using study::Ended;
 
 struct Arguments {
   std::uint32_t count = 200, first = 0;
   Index chunks = 16;
   int threads = 2;
   double limit = 1e-11;
-  bool cold = false, all = false;
+  bool cold = false, all = false, device = false;
   std::string out;
   std::vector<std::string> files;
 };
@@ -65,6 +67,8 @@ Arguments parse(int argc, char** argv) {
       a.cold = true;
     else if (name == "--all")
       a.all = true;
+    else if (name == "--device")
+      a.device = true;
     else if (name == "--out")
       a.out = value();
     else if (name.starts_with("--"))
@@ -75,39 +79,11 @@ Arguments parse(int argc, char** argv) {
   return a;
 }
 
-struct Ended {
-  std::string status, reason;
-  Result result;
-  double seconds = 0;
-};
-
 Ended ended(const Scene& scene, Method method, Index steps, Backend& backend, const Arguments& a) {
   InnerOptions options;
   options.method = method, options.steps = steps, options.states = StateSelection::all, options.confirm = false;
   options.chunks = a.chunks, options.coarse_start = !a.cold;
-  Ended e;
-  const auto begin = std::chrono::steady_clock::now();
-  try {
-    e.result = solve_valid(scene, backend, options);
-    e.status = to_string(e.result.status), e.reason = e.result.reason;
-  } catch (const Error& error) {
-    e.status = "error", e.reason = error.what();
-  }
-  e.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
-  return e;
-}
-
-/// Relative to the largest value; infinite if the shapes differ or only one has NaN somewhere.
-double apart(const RowMatrix& a, const RowMatrix& b) {
-  if (a.rows() != b.rows() || a.cols() != b.cols()) return INFINITY;
-  double difference = 0, size = 0;
-  for (Index i = 0; i < a.size(); ++i) {
-    const double u = a.data()[i], v = b.data()[i];
-    if (std::isnan(u) != std::isnan(v)) return INFINITY;
-    if (std::isnan(u)) continue;
-    difference = std::max(difference, std::abs(u - v)), size = std::max({size, std::abs(u), std::abs(v)});
-  }
-  return size > 0 ? difference / size : 0;
+  return study::ended([&] { return solve_valid(scene, backend, options); });
 }
 
 /// What rounding of x0 does to march: its differences from marches with x0 changed in the last digits.
@@ -125,10 +101,11 @@ double effect_of_rounding(const Scene& scene, Index steps, const Ended& march, B
   return largest;
 }
 
+bool by_pieces(const Result& r) { return r.kernel.find("affine pieces") != std::string::npos; }
 bool in_turn(const Result& r) { return r.kernel.find("one after another") != std::string::npos; }
 
 struct Totals {
-  Index scenes = 0, differ = 0, in_turn = 0, of_rounding = 0;
+  Index scenes = 0, differ = 0, by_pieces = 0, in_turn = 0, of_rounding = 0;
   double worst = 0;
   std::map<Index, Index> passes;
   ordered_json differing = ordered_json::array(), files = ordered_json::array();
@@ -149,6 +126,7 @@ ordered_json compare(const std::string& name, const Scene& scene, Index steps, B
   ++totals.scenes;
   totals.differ += !same;
   totals.in_turn += in_turn(chunks.result);
+  totals.by_pieces += by_pieces(chunks.result);
   if (march.status == "solved") ++totals.passes[chunks.result.iterations];
   if (std::max(x, y) <= a.limit) totals.worst = std::max({totals.worst, x, y});
   ordered_json one{{"name", name},
@@ -177,7 +155,7 @@ void compare_file(const std::string& given, Backend& backend, const Arguments& a
 }
 
 int run(const Arguments& a) {
-  const auto backend = make_cpu_backend(a.threads);
+  const auto backend = a.device ? make_cuda_backend(make_cpu_backend(a.threads)) : make_cpu_backend(a.threads);
   Totals totals;
   for (std::uint32_t seed = a.first; a.files.empty() && seed < a.first + a.count; ++seed) {
     const oracle::RandomScene random = oracle::any_scene(seed);
@@ -195,13 +173,14 @@ int run(const Arguments& a) {
                          {"differ", totals.differ},
                          {"differ_as_by_rounding", totals.of_rounding},
                          {"in_turn", totals.in_turn},
+                         {"by_pieces", totals.by_pieces},
                          {"largest_difference", totals.worst},
                          {"scenes_by_passes", passes},
                          {"differing", totals.differing},
                          {"files", totals.files}};
   std::cout << totals.scenes << " scenes, " << totals.differ << " differ, " << totals.in_turn << " ended in turn, "
-            << totals.of_rounding << " differ as by rounding, largest difference " << totals.worst << ", by passes "
-            << passes.dump() << "\n";
+            << totals.by_pieces << " by pieces, " << totals.of_rounding << " differ as by rounding, largest difference "
+            << totals.worst << ", by passes " << passes.dump() << "\n";
   if (!a.out.empty()) std::ofstream(a.out) << all.dump(1) << "\n";
   return totals.differ > 0;
 }

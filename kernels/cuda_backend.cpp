@@ -30,7 +30,7 @@ double free_memory(const cuda::Device& device) {
   return std::max(1.0, double(free) + double(reserved) - double(used) + double(device.blocks().kept()));
 }
 
-class CudaBackend final : public Backend, public SharedMemory {
+class CudaBackend final : public Backend, public SharedMemory, public ChunkMarcher {
  public:
   CudaBackend(std::unique_ptr<Backend> host, int number, std::string device_name)
       : Backend("cuda", cuda_traits()),
@@ -124,6 +124,10 @@ class CudaBackend final : public Backend, public SharedMemory {
 
   void each_range(Index count, Index length, const std::function<void(Index first, Index last)>& body) const override {
     device_.fetcher().each_range(count, length, body);
+  }
+
+  std::unique_ptr<ChunkMarch> chunk_march(const ChunkMarchProblem& problem) override {
+    return cuda::make_chunk_march(device_, problem);
   }
 
   std::unique_ptr<Array> array(Index rows, Index cols) override {

@@ -1,6 +1,7 @@
 #pragma once
 // The makers of the plans of kernels/.
 
+#include "core/seam/chunk_march.hpp"
 #include "core/seam/scene_arrays.hpp"
 #include "core/seam/scene_march.hpp"
 #include "kernels/device.hpp"
@@ -74,6 +75,12 @@ std::unique_ptr<StepChain> make_step_chain(const Device&, const StepChainProblem
 
 /// Null for more than 8 states or 8 unknowns of a step.
 std::unique_ptr<SceneMarch> make_scene_march(const Device&, const SceneMarchProblem&, Index scenes);
+
+/// With m states, padded: 2, 4, 8 or 16 (core/seam/chunk_march.hpp).
+template <Index m, bool continuous>
+std::unique_ptr<ChunkMarch> make_chunks(const Device&, const ChunkMarchProblem&);
+/// Null for sizes that it does not take.
+std::unique_ptr<ChunkMarch> make_chunk_march(const Device&, const ChunkMarchProblem&);
 
 /// Of core/seam/scene_arrays.hpp.
 std::unique_ptr<SceneArrays> make_scene_arrays(const Device&, const SceneArraysProblem&, Index scenes);

@@ -136,6 +136,7 @@ class Lengths {
 
   std::size_t kind(Index j) const { return kind_[std::size_t(j)]; }
   Index place(Index j) const { return place_[std::size_t(j)]; }  ///< index among the rows of its kind
+  std::size_t kinds() const { return sizes_.size(); }
   double size(std::size_t kind) const { return sizes_[kind]; }
   const std::vector<Index>& rows(std::size_t kind) const { return rows_[kind]; }
 

@@ -154,6 +154,7 @@ void tell(const ScanReport& scan, Result& result) {
   result.history = scan.history;
   result.kernel +=
       text("; %td chunks of time by Newton's method on their states, %td passes", scan.chunks, scan.passes);
+  if (scan.by_pieces) result.kernel += ", steps by affine pieces";
   if (scan.in_turn > 0)
     result.kernel += text(", which did not lead on: %td chunks marched one after another", scan.in_turn);
 }

@@ -5,7 +5,7 @@
 #include "core/base/timer.hpp"
 #include "core/kernel/weight_check.hpp"
 #include "core/march/outcome.hpp"
-#include "core/march/split_steps.hpp"
+#include "core/march/split_pieces.hpp"
 #include "core/scan/coarse_start.hpp"
 
 #include <cmath>
@@ -112,6 +112,13 @@ MarchReport march_in_chunks(const SplitRule& rule, const ScanPlan& plan, SplitRo
   // Where a step has several solutions, the one taken follows from all active sets before.
   const std::vector<Index> rows = first_rows(rule.well_posed() ? chunks_of(plan, p.J) : 1, p.J);
   const SharedStop stop(plan.interrupted);
+  if (plan.by_pieces && march_split_by_pieces(rule, plan, stop, all.x, all.y, scan)) {
+    MarchReport report;
+    report.well_posed = rule.well_posed();
+    report.count.solved = long(p.J);
+    report.lcp_seconds = scan.seconds;
+    return report;
+  }
   SplitChunks chunks(rule, rows, stop, all);
   const auto input = [&] {
     CoarseInput in{&p.scene.dynamics, &p.scene.M, p.lcp_class, {}, p.scene.x0, p.t, rule.g, {}};

@@ -33,9 +33,13 @@
 
 namespace bromwich {
 
+class ChunkMarcher;
+
 struct ScanPlan {
   const HostThreads* threads = nullptr;
+  ChunkMarcher* device = nullptr;          ///< marches the chunks (core/seam/chunk_march.hpp); null: the threads do
   Index chunks = 0;                        ///< 0: by the threads and the steps
+  bool by_pieces = true;                   ///< steps may be evaluated by affine pieces (piece_march.hpp)
   bool coarse_start = true;                ///< the first states are those of a march of few steps; false: all are x0
   std::function<bool()> interrupted = {};  ///< polled by the calling thread
 };
@@ -85,6 +89,8 @@ struct ScanReport {
   Index in_turn = 0;   ///< chunks that were marched one after another in the end
   Index stopped = -1;  ///< the first chunk with a step that has no solution; those behind it are not known
   bool interrupted = false;
+  bool by_pieces = false;       ///< steps were evaluated by affine pieces (piece_march.hpp)
+  double seconds = 0;           ///< of the passes by pieces, without copies of sources and rows
   std::vector<double> history;  ///< largest delta of each pass, relative to the sizes of the states
 };
 

@@ -4,6 +4,7 @@
 #include "core/host/stage_steps.hpp"
 #include "core/scan/coarse_start.hpp"
 #include "core/scan/held_products.hpp"
+#include "core/scan/stage_pieces.hpp"
 
 #include <cmath>
 #include <cstring>
@@ -207,6 +208,8 @@ StageSolution march_in_chunks(const StageProblem& p, const Vector& y0, const Sca
   const Index J = p.g.rows() - 1;
   const std::vector<Index> rows = first_rows(chunks_of(plan, J), J);
   const SharedStop stop(plan.interrupted);
+  if (plan.by_pieces)
+    if (auto solution = march_stages_by_pieces(p, y0, plan, stop, report)) return std::move(*solution);
   StageChunks chunks(p, y0, rows, stop);
   CoarseStates first = coarse_states(
       plan, rows, [&] { return at_rows(p); }, p.x0, y0.size());

@@ -14,6 +14,7 @@
 #include "core/multigrid/dual.hpp"
 #include "core/multigrid/multigrid.hpp"
 #include "core/result/notice.hpp"
+#include "core/seam/chunk_march.hpp"
 
 #include <algorithm>
 #include <iterator>
@@ -170,6 +171,8 @@ void Methods::shoot(const InnerOptions& options, Result& result) {
   if (!problem_.small_state()) return refuse("method shooting: the dynamics are not dense", result);
   ScanPlan plan;
   plan.threads = &problem_.backend;
+  plan.device = dynamic_cast<ChunkMarcher*>(&problem_.backend);
+  plan.by_pieces = !options.compares_grids;
   plan.chunks = options.chunks;
   plan.coarse_start = options.coarse_start;
   plan.interrupted = options.interrupted;

@@ -1,0 +1,10 @@
+// Chunks of time of scenes with up to 16 states, padded.
+
+#include "kernels/chunk_march.cuh"
+
+namespace bromwich::cuda {
+
+template std::unique_ptr<ChunkMarch> make_chunks<16, true>(const Device&, const ChunkMarchProblem&);
+template std::unique_ptr<ChunkMarch> make_chunks<16, false>(const Device&, const ChunkMarchProblem&);
+
+}  // namespace bromwich::cuda
