@@ -61,7 +61,7 @@ struct Scene {
   Vector x0;                         ///< m; empty with a boundary condition
   std::optional<BoundaryCondition> boundary;
   /// n coefficients e_i in [0, 1] of Newton's law of impact, or empty: 0. Where w_i reaches 0 with w_i' < 0, it leaves
-  /// with w_i'+ = -e_i w_i'-. For rows of rigid contact: y acts on the second derivative of w_i. Located events take it.
+  /// with w_i'+ = -e_i w_i'-. For rigid contact: y acts on the second derivative of w_i. Method events takes it.
   Vector restitution;
   std::vector<Index> free_rows;  ///< rows i with w_i = 0 and y_i of either sign, increasing
   /// The structure the dynamics were made from, where there is one; null otherwise. Such a scene may have no
