@@ -36,6 +36,7 @@ from ._errors import (
 )
 from ._batch import BatchResult, solve_batch
 from ._backends import BackendInfo, backends, cuda_devices
+from ._circuit import Balance, Circuit, CircuitScene, ElementPower, circuit
 from ._mesh import Mesh
 from ._nonlinear import NonlinearResult, solve_nonlinear
 from ._parameters import ParameterDerivative
@@ -53,12 +54,16 @@ __all__ = [
     "ArrayResult",
     "ArraySolver",
     "BackendInfo",
+    "Balance",
     "BatchDerivative",
     "BatchResult",
+    "Circuit",
+    "CircuitScene",
     "Derivative",
     "DeviceError",
     "DoesNotFit",
     "Dynamics",
+    "ElementPower",
     "Error",
     "Gradient",
     "InternalError",
@@ -84,6 +89,7 @@ __all__ = [
     "Tridiagonal",
     "__version__",
     "backends",
+    "circuit",
     "cuda_devices",
     "load",
     "scene",

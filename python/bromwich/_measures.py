@@ -19,8 +19,8 @@ AROUND, ROUNDS = 9, 4
 class Span(NamedTuple):
     """A component between two times."""
 
-    kind: str  #: x, y or w
-    column: int
+    kind: str  #: x, y or w, or an output of a circuit
+    column: int  #: -1: of an output
     start: float
     end: float
 
@@ -32,6 +32,8 @@ def span_of(result: Any, name: str, start: float | None, end: float | None) -> S
     end = last if end is None else number(end, "end")
     if not first <= start < end <= last * (1 + np.finfo(float).eps):
         raise Error(f"start: found {start!r} to {end!r}; give start < end from {first!r} to {last!r}", "start")
+    if hasattr(result.scene, "_netlist") and "(" in name and (name in result.scene.outputs or name not in result.state_names):
+        return Span(name, -1, start, min(end, last))
     kind, column = component_of(name, result.state_names, result.constraint_names, result.x_components, result.y.shape[1])
     return Span(kind, column, start, min(end, last))
 
@@ -85,7 +87,10 @@ def _edges(result: Any, span: Span) -> np.ndarray:
 
 
 def _values(result: Any, span: Span, times: np.ndarray) -> np.ndarray:
-    values = getattr(result.at(times), span.kind)
+    rows = result.at(times)
+    if span.column < 0:
+        return rows[span.kind]
+    values = getattr(rows, span.kind)
     if values is None:
         raise Error(f"name: {span.kind} is not known between the rows; give a component of x or y", "name")
     return values[:, span.column]

@@ -10,6 +10,8 @@ from typing import Any, overload
 import numpy as np
 
 from . import _core
+from ._arrays import number, whole_number
+from ._circuit import Balance, ElementPower
 from ._derivative import Derivative
 from ._errors import require
 from ._io import complete, extension_of
@@ -166,6 +168,44 @@ class Result(Rows):
         """
         return Result(self._answer.at(self._times(t)), self._scene)
 
+    def __getitem__(self, name: str) -> np.ndarray:
+        """An output of a circuit at the rows: ``r["V(out)"]``, ``r["V(a,b)"]``, ``r["I(L1)"]``, the power ``r["P(R1)"]`` that an
+        element takes, or an expression of these, t and parameters: ``r["V(in)*I(L1)/eta"]``. J+1 values.
+
+        Raises:
+            Error: for an unknown node or element, a scene that is no circuit, or states that were not all recorded.
+        """
+        return _netlist(self, name).probe(self._answer, name)
+
+    @property
+    def measures(self) -> dict[str, float]:
+        """Of a circuit: the values of its ``.meas`` cards by name, NaN where one has none. Computed at each call."""
+        return _netlist(self, "measures").measures(self._answer)
+
+    def balance(self, start: float | None = None, end: float | None = None) -> Balance:
+        """Of a circuit: what sources supply, what is stored and what each element takes over [start, end]."""
+        found = _netlist(self, "balance").balance(self._answer, *self._between(start, end))
+        elements = {name: ElementPower(*values) for name, values in found.pop("elements").items()}
+        return Balance(**found, elements=elements)
+
+    def harmonics(self, name: str, count: int, start: float | None = None, end: float | None = None) -> np.ndarray:
+        """Of a circuit: complex amplitudes c_1, ..., c_count of an output over [start, end], a period P of it:
+        mean + sum of Re(c_k exp(2 pi i k (t - start) / P)).
+
+        The integrals are taken between switches, without sampling.
+        """
+        counted = whole_number(count, "count")
+        return np.array(_netlist(self, name).harmonics(self._answer, name, counted, *self._between(start, end)))
+
+    def thd(self, name: str, start: float | None = None, end: float | None = None) -> float:
+        """Of a circuit: total harmonic distortion of an output over [start, end], all frequencies above 1/(end - start)
+        relative to that one; NaN without it."""
+        return _netlist(self, name).distortion(self._answer, name, *self._between(start, end))
+
+    def _between(self, start: float | None, end: float | None) -> tuple[float, float]:
+        first, last = self._span()
+        return (first if start is None else number(start, "start"), last if end is None else number(end, "end"))
+
     def report(self, path: str | os.PathLike[str]) -> None:
         """Writes a page on the result, one HTML file that stands alone: what was solved, what was checked, curves, errors
         and times (``docs/report.md``).
@@ -257,6 +297,13 @@ class Result(Rows):
         if self.warning:
             words.append(f"warning: {self.warning}")
         return words
+
+
+def _netlist(result: Result, name: str) -> Any:
+    netlist = getattr(result.scene, "_netlist", None)
+    require(netlist is not None, "name", f"found {name!r}, and the scene is no circuit; take a column of x or y")
+    require(len(result.x_components) == result.scene.states, "states", "were not all recorded; solve with states='all'")
+    return netlist
 
 
 def _restored(scene: Scene, state: dict[str, Any]) -> Result:

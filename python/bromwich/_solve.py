@@ -274,7 +274,10 @@ def _options(
         attribute, kind = NUMBERS[name]
         setattr(o, attribute, _tolerance(value, name, absolute) if name in TOLERANCES else kind(value, name))
     if not one_grid:
+        stated = o.tolerance > 0 or o.tolerance_x > 0 or o.tolerance_y > 0
         o = o.with_defaults(scene._model)
+        if hasattr(scene, "_netlist") and not stated:  # y of ideal switches need not be unique
+            o.tolerance, o.tolerance_x = 0.0, o.tolerance
     tolerances = [t for t in (o.tolerance, o.tolerance_x, o.tolerance_y) if t > 0]
     if tolerances and not absolute and "iteration_tol" not in given:
         o.iteration_tolerance = max(1e-3 * min(tolerances), o.iteration_tolerance)

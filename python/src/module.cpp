@@ -48,6 +48,7 @@ NB_MODULE(_core, m) {
   bind_results(m);
   bind_arrays(m);
   bind_batch(m);
+  bind_circuits(m);
   bind_scene_arrays(m);
   bind_ranks(m);
   bind_solving(m);

@@ -1,0 +1,157 @@
+// Netlists: their scene, and outputs of its results.
+
+#include "answer.hpp"
+#include "arrays.hpp"
+#include "calls.hpp"
+#include "circuits/balance.hpp"
+#include "circuits/measures.hpp"
+#include "circuits/probe.hpp"
+
+#include <nanobind/stl/complex.h>
+#include <nanobind/stl/map.h>
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/pair.h>
+#include <nanobind/stl/shared_ptr.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/vector.h>
+
+#include <filesystem>
+#include <mutex>
+
+namespace bromwich::python {
+namespace {
+
+using Settings = std::map<std::string, double>;
+
+nb::tuple with_model(const Circuit& read) {
+  const auto circuit = std::make_shared<const Circuit>(read);
+  const auto model = std::make_shared<Model>(circuit->scene);
+  constexpr double tolerance = 1e-4;  // of the states: y of ideal switches need not be unique
+  model->scene.default_tolerance = tolerance;
+  return nb::make_tuple(model, circuit);
+}
+
+nb::tuple read(const std::string& file, const Settings& settings, std::optional<double> period) {
+  return with_model([&] {
+    const nb::gil_scoped_release unlocked;
+    return read_circuit(std::filesystem::path(file), settings, period);
+  }());
+}
+
+nb::tuple parse(const std::string& text, const std::string& name, const std::string& folder, const Settings& settings,
+                std::optional<double> period) {
+  return with_model([&] {
+    const nb::gil_scoped_release unlocked;
+    return parse_circuit(text, name, std::filesystem::path(folder), settings, period);
+  }());
+}
+
+template <class Values>
+View owned(Values found) {
+  auto* values = new Values(std::move(found));
+  return view(*values, nb::capsule(values, [](void* p) noexcept { delete static_cast<Values*>(p); }));
+}
+
+nb::dict reduction(const Circuit& c) {
+  nb::dict d;
+  d["summary"] = c.reduction.summary;
+  d["states"] = c.reduction.states;
+  d["pairs"] = c.reduction.pairs;
+  d["open"] = c.reduction.open;
+  d["loops"] = c.reduction.loops;
+  d["cutsets"] = c.reduction.cutsets;
+  d["windings"] = c.reduction.windings;
+  return d;
+}
+
+std::vector<std::pair<std::string, std::string>> outputs(const Circuit& c) {
+  std::vector<std::pair<std::string, std::string>> all;
+  for (const CircuitOutput& output : c.outputs) all.emplace_back(output.name, output.unit);
+  return all;
+}
+
+/// What `work` makes of the waveforms of a result.
+template <class Work>
+auto of_waveforms(const Circuit& c, const Answer& answer, double from, double to, const Work& work) {
+  return interruptible([&] {
+    const std::lock_guard lock(answer.machine->busy);
+    return work(CircuitWaveforms(c, *answer.machine->backend, answer.result, from, to, "start"));
+  });
+}
+
+std::map<std::string, double> measures_of(const Circuit& c, const Answer& answer) {
+  const std::vector<MeasuredValue> found = interruptible([&] {
+    const std::lock_guard lock(answer.machine->busy);
+    return measured(c, *answer.machine->backend, answer.result);
+  });
+  std::map<std::string, double> all;
+  for (const MeasuredValue& m : found) all[m.name] = m.value;
+  return all;
+}
+
+nb::dict balance_of(const Circuit& c, const Answer& answer, double from, double to) {
+  const CircuitBalance b = of_waveforms(c, answer, from, to, [&](const CircuitWaveforms& w) { return balance(c, w); });
+  nb::dict elements;
+  for (const ElementPower& e : b.elements) elements[e.name.c_str()] = nb::make_tuple(e.power, e.mean, e.rms, e.peak);
+  nb::dict d;
+  d["supplied"] = b.supplied;
+  d["stored"] = b.stored;
+  d["dissipated"] = b.dissipated;
+  d["error"] = b.error;
+  d["load"] = b.load;
+  d["efficiency"] = b.efficiency;
+  d["elements"] = elements;
+  return d;
+}
+
+}  // namespace
+
+void bind_circuits(nb::module_& m) {
+  nb::class_<Circuit>(m, "Circuit", "A netlist: what its outputs are made of.")
+      .def_prop_ro("outputs", &outputs)
+      .def_prop_ro("elements",
+                   [](const Circuit& c) {
+                     std::vector<std::pair<std::string, std::string>> all;
+                     for (const CircuitElement& e : c.elements) all.emplace_back(e.name, std::string(1, e.kind));
+                     return all;
+                   })
+      .def_prop_ro("times", [](const Circuit& c) { return std::vector<double>(c.times.begin(), c.times.end()); })
+      .def_ro("notes", &Circuit::notes)
+      .def_ro("parameters", &Circuit::parameters)
+      .def_prop_ro("reduction", &reduction)
+      .def(
+          "values", [](const Circuit& c, const Answer& answer) { return owned(output_values(c, answer.result)); },
+          nb::arg("answer"), "rows x outputs")
+      .def(
+          "probe",
+          [](const Circuit& c, const Answer& answer, const std::string& text) {
+            return owned(Vector(Probe(c, text, "name")(answer.result.t, output_values(c, answer.result))));
+          },
+          nb::arg("answer"), nb::arg("text"))
+      .def("measures", &measures_of, nb::arg("answer"))
+      .def("balance", &balance_of, nb::arg("answer"), nb::arg("start"), nb::arg("end"))
+      .def(
+          "harmonics",
+          [](const Circuit& c, const Answer& answer, const std::string& text, Index count, double from, double to) {
+            const Probe probe(c, text, "name");
+            return of_waveforms(c, answer, from, to,
+                                [&](const CircuitWaveforms& w) { return w.harmonics(probe, count); });
+          },
+          nb::arg("answer"), nb::arg("text"), nb::arg("count"), nb::arg("start"), nb::arg("end"))
+      .def(
+          "distortion",
+          [](const Circuit& c, const Answer& answer, const std::string& text, double from, double to) {
+            const Probe probe(c, text, "name");
+            return of_waveforms(c, answer, from, to,
+                                [&](const CircuitWaveforms& w) { return numbers(probe, w).distortion; });
+          },
+          nb::arg("answer"), nb::arg("text"), nb::arg("start"), nb::arg("end"))
+      .def(
+          "unit", [](const Circuit& c, const std::string& text) { return Probe(c, text, "name").unit(); },
+          nb::arg("text"));
+  m.def("read_circuit", &read, nb::arg("file"), nb::arg("settings"), nb::arg("period").none());
+  m.def("parse_circuit", &parse, nb::arg("text"), nb::arg("name"), nb::arg("folder"), nb::arg("settings"),
+        nb::arg("period").none());
+}
+
+}  // namespace bromwich::python

@@ -1,0 +1,149 @@
+"""Netlists: from files, from text and written in Python, with outputs of their results."""
+
+import pickle
+
+import numpy as np
+import pytest
+
+import bromwich
+
+BUCK = """Buck converter
+.param Rload=5
+Vin in 0 24
+S1 in sw g 0 SI
+Vg g 0 PULSE(0 5 0 10n 10n 3.99u 10u)
+D1 0 sw DI
+L1 sw out 100u
+C1 out 0 47u
+R1 out 0 {Rload}
+.model SI SW(Ron=10m Roff=1Meg Vt=2.5)
+.model DI D(Ron=10m Roff=1Meg Vfwd=0.5)
+.tran 10u 1m uic
+"""
+
+
+def written():
+    c = bromwich.Circuit("Buck converter").param(Rload=5)
+    c.V("Vin", "in", 0, 24).S("S1", "in", "sw", "g", 0, Ron="10m", Roff=1e6, Vt=2.5)
+    c.V("Vg", "g", 0, "PULSE(0 5 0 10n 10n 3.99u 10u)").D("D1", 0, "sw", Ron=0.01, Roff=1e6, Vfwd=0.5)
+    return c.L("L1", "sw", "out", 100e-6).C("C1", "out", 0, "47u").R("R1", "out", 0, "{Rload}")
+
+
+@pytest.mark.parametrize("made", ["text", "file", "python"])
+def test_buck_against_a_mode_by_mode_program(made, tmp_path):
+    if made == "file":
+        (tmp_path / "buck.cir").write_text(BUCK)
+        scene = bromwich.circuit(tmp_path / "buck.cir")
+    else:
+        scene = bromwich.circuit(BUCK) if made == "text" else written().scene(stop=1e-3, step=1e-5, uic=True)
+    assert scene.names["x"] == ["I(L1)", "V(C1)"] and scene.units["x"] == ["A", "V"]
+    assert scene.outputs["V(out)"] == "V" and scene.outputs["I(S1)"] == "A" and scene.elements["D1"] == "D"
+    assert scene.reduction["states"] == ["I(L1)", "V(C1)"] and scene.times.size == 101
+    r = bromwich.solve(scene, tol_x=1e-6)
+    assert r.ok, r.reason
+    last = r.at(1e-3)  # values have 8 digits
+    np.testing.assert_allclose([last["V(out)"][0], last["i(l1)"][0]], [9.1249652, 1.9269147], rtol=1e-7)
+
+
+def test_outputs_obey_kirchhoff_and_ohm():
+    scene = bromwich.circuit(BUCK, Rload=10)
+    assert scene.parameters == {"rload": 10}
+    r = bromwich.solve(scene)
+    assert r.error_estimate_of and r.ok
+    v, size = r["V(out)"], np.max(r["I(L1)"])
+    np.testing.assert_allclose(r["I(R1)"], v / 10, atol=1e-12 * size)
+    np.testing.assert_allclose(r["I(L1)"] - r["I(C1)"] - r["I(R1)"], 0, atol=1e-9 * size)
+    np.testing.assert_allclose(r["V(in,sw)"], r["V(in)"] - r["V(sw)"], atol=1e-12 * 24)
+    np.testing.assert_allclose(r["P(R1)"], v**2 / 10, rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(r["V(out)*I(R1)*2 - t/rload"], 2 * v**2 / 10 - r.t / 10, rtol=1e-12, atol=1e-12)
+    total = sum(r[f"P({name})"] for name in scene.elements)
+    np.testing.assert_allclose(total, 0, atol=1e-8 * 24 * size)  # Tellegen
+
+
+def test_measures_of_outputs():
+    scene = bromwich.circuit("t\nV1 a 0 SIN(1 2 50)\nD1 a b DI\nR1 b 0 10\nC1 c 0 1u\nR2 c 0 1\n.model DI D(Ron=1m)\n.tran 1m 20m uic\n")
+    r = bromwich.solve(scene, tol_x=1e-6)
+    assert abs(r.mean("V(a)") - 1) < 1e-9 and abs(r.rms("V(a)") - np.sqrt(1 + 2)) < 1e-9
+    assert abs(r.max("V(a)") - 3) < 1e-6 and abs(r.ripple("V(a)") - 4) < 1e-6
+    # the positive part of 1 + 2 sin: (2 pi / 3 + sqrt 3) / pi of its mean over ... by quadrature
+    s = np.linspace(0, 1, 2_000_001)
+    positive = np.maximum(1 + 2 * np.sin(2 * np.pi * s), 0) * 10 / 10.001
+    assert abs(r.mean("V(b)") - np.trapezoid(positive, s) if hasattr(np, "trapezoid") else np.trapz(positive, s)) < 1e-9
+
+
+def test_periodic_state_with_losses_and_harmonics():
+    scene = bromwich.circuit(BUCK).periodic()
+    assert abs(scene.T - 1e-5) < 1e-17
+    r = bromwich.solve(scene, steps=16)
+    assert r.ok, r.reason
+    # of a program that integrates mode by mode and closes the period, 8 digits
+    np.testing.assert_allclose([r["V(out)"][-1], r["I(L1)"][-1]], [9.2793276, 1.5626621], rtol=1e-7)
+    b = r.balance()
+    assert b.load == "R1" and b.error < 1e-9 and abs(b.stored) < 1e-9 * b.supplied
+    assert abs(b.elements["R1"].power - r.rms("V(out)") ** 2 / 5) < 1e-9 * b.elements["R1"].power
+    assert abs(b.efficiency - b.elements["R1"].power * 1e-5 / b.supplied) < 1e-12
+    assert b.elements["S1"].power > 0 and b.elements["D1"].power > 0 and b.elements["Vin"].power < 0
+
+
+def test_harmonics_of_a_pulse():
+    text = "t\nV1 a 0 PULSE(0 5 0 10n 10n 3.99u 10u)\nR1 a b 1\nC1 b 0 1u\n.tran 1u 10u\n"
+    r = bromwich.solve(bromwich.circuit(text).periodic(), steps=16)
+    # 5 V from 5 ns to 4.005 us between lines of 10 ns
+    w, top = 2 * np.pi / 1e-5, 5.0
+    c = r.harmonics("V(a)", 3)
+    for k in (1, 2, 3):
+        edge = np.sinc(k * 10e-9 / 1e-5)  # of lines: a box of 10 ns over one of 4 us that begins at 5 ns
+        box = top * (1 - np.exp(-1j * k * w * 4e-6)) / (1j * np.pi * k) * np.exp(-1j * k * w * 5e-9)
+        assert abs(c[k - 1] - box * edge) < 1e-9 * top
+    assert abs(r.thd("V(a)") - np.sqrt(2 * (r.rms("V(a)") ** 2 - r.mean("V(a)") ** 2) / abs(c[0]) ** 2 - 1)) < 1e-9
+
+
+def test_cards_of_measures():
+    r = bromwich.solve(bromwich.circuit(BUCK + ".meas tran vo AVG V(out) FROM=990u TO=1m\n.meas TRAN late FIND V(out) AT=1m\n"))
+    assert r.measures.keys() == {"vo", "late"}
+    assert abs(r.measures["vo"] - r.mean("V(out)", 990e-6, 1e-3)) < 1e-6
+    assert abs(r.measures["late"] - 9.1249652) < 1e-3
+
+
+def test_pickle_and_derivatives_make_the_scene_again():
+    scene = bromwich.circuit(BUCK)
+    again = pickle.loads(pickle.dumps(scene))
+    assert again.outputs == scene.outputs and isinstance(again, bromwich.CircuitScene)
+    linear = bromwich.circuit("t\n.param R=2\nV1 a 0 1\nR1 a b {R}\nL1 b 0 1\n.tran 10m 1 uic\n")
+    r = bromwich.solve(linear, tol_x=1e-9)
+    # i = (1 - e^{-R t}) / R, di/dR at t = 1
+    found = r.derivative(parameters=["r"]).jacobian()["r"].x[-1, 0]
+    R = 2.0
+    assert abs(found - (R * np.exp(-R) - (1 - np.exp(-R))) / R**2) < 1e-5
+
+
+@pytest.mark.parametrize(
+    "make, argument, words",
+    [
+        (lambda: bromwich.circuit("none.cir"), "source", "does not exist"),
+        (lambda: bromwich.circuit(BUCK, q=1), "parameters", "'q' is no .param"),
+        (lambda: bromwich.circuit("t\nV1 a 0 1\nV2 a 0 2\n.tran 1m\n"), "netlist: line 3", "V2 closes a loop"),
+        (lambda: bromwich.Circuit().R("L1", "a", 0, 1), "name", "begin it with R"),
+        (lambda: bromwich.Circuit().R("R1", "a b", 0, 1), "node", "without blanks"),
+        (lambda: bromwich.Circuit().R("R1", "a", 0, [1]), "value", "value"),
+        (lambda: bromwich.Circuit().R("R1", "a", 0, 0).scene(1), "netlist: line 2", "R1 = 0"),
+    ],
+)
+def test_mistakes_are_named(make, argument, words):
+    with pytest.raises(bromwich.Error) as caught:
+        make()
+    assert caught.value.argument == argument and words in str(caught.value)
+
+
+@pytest.mark.parametrize("text, words", [("V(nowhere)", "no node 'nowhere'"), ("I(R9)", "no element 'r9'"), ("V(out", "')'"), ("V(a,b,c)", "write V(node)")])
+def test_unknown_outputs_are_named(text, words):
+    r = bromwich.solve(bromwich.circuit(BUCK))
+    with pytest.raises(bromwich.Error, match="name") as caught:
+        r[text]
+    assert words in str(caught.value)
+
+
+def test_scenes_of_arrays_have_no_outputs():
+    r = bromwich.solve(A=[[-1.0]], B=[[1.0]], N=[[1.0]], M=[[1.0]], x0=1, T=1, steps=4)
+    with pytest.raises(bromwich.Error, match="no circuit"):
+        r["V(a)"]
