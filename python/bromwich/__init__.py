@@ -37,6 +37,7 @@ from ._errors import (
 from ._batch import BatchResult, solve_batch
 from ._backends import BackendInfo, backends, cuda_devices
 from ._circuit import Balance, Circuit, CircuitScene, ElementPower, circuit
+from ._invert import Inverse, invert
 from ._mesh import Mesh
 from ._nonlinear import NonlinearResult, solve_nonlinear
 from ._parameters import ParameterDerivative
@@ -68,6 +69,7 @@ __all__ = [
     "Gradient",
     "InternalError",
     "Interrupted",
+    "Inverse",
     "Kronecker",
     "Margin",
     "Mesh",
@@ -91,6 +93,7 @@ __all__ = [
     "backends",
     "circuit",
     "cuda_devices",
+    "invert",
     "load",
     "scene",
     "scenes",

@@ -46,6 +46,7 @@ void bind_batch(nb::module_& m);
 void bind_circuits(nb::module_& m);
 void bind_derivatives(nb::module_& m);
 void bind_errors(nb::module_& m);
+void bind_inversion(nb::module_& m);
 void bind_nonlinear(nb::module_& m);
 void bind_sources(nb::module_& m);
 void bind_scenes(nb::module_& m);
