@@ -38,6 +38,7 @@ from ._batch import BatchResult, solve_batch
 from ._backends import BackendInfo, backends, cuda_devices
 from ._circuit import Balance, Circuit, CircuitScene, ElementPower, circuit
 from ._invert import Inverse, invert
+from ._lcp import LcpGradient, LcpResult, LcpTangent, lcp
 from ._mesh import Mesh
 from ._nonlinear import NonlinearResult, solve_nonlinear
 from ._parameters import ParameterDerivative
@@ -71,6 +72,9 @@ __all__ = [
     "Interrupted",
     "Inverse",
     "Kronecker",
+    "LcpGradient",
+    "LcpResult",
+    "LcpTangent",
     "Margin",
     "Mesh",
     "NonlinearResult",
@@ -94,6 +98,7 @@ __all__ = [
     "circuit",
     "cuda_devices",
     "invert",
+    "lcp",
     "load",
     "scene",
     "scenes",

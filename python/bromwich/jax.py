@@ -22,6 +22,8 @@ from . import _differentiable as common
 from . import _on_device as on_device
 from ._differentiable import STATUSES
 from ._errors import Error
+from ._lcp_differentiable import LCP_STATUSES
+from ._lcp_jax import lcp
 
 _LIBRARY = on_device.Library(
     spread=jnp.broadcast_to,
@@ -258,4 +260,4 @@ def solve(
     return tuple(found) if failed == "raise" else (*found, status.astype(jnp.int32))
 
 
-__all__ = ["STATUSES", "solve"]
+__all__ = ["LCP_STATUSES", "STATUSES", "lcp", "solve"]

@@ -17,6 +17,8 @@ from . import _differentiable as common
 from . import _on_device as on_device
 from ._differentiable import STATUSES
 from ._errors import Error
+from ._lcp_differentiable import LCP_STATUSES
+from ._lcp_torch import lcp
 
 _LIBRARY = on_device.Library(
     spread=lambda v, shape: v.detach().double().expand(shape),
@@ -211,4 +213,4 @@ def solve(
     return found[:3] if failed == "raise" else found[:4]
 
 
-__all__ = ["STATUSES", "solve"]
+__all__ = ["LCP_STATUSES", "STATUSES", "lcp", "solve"]
