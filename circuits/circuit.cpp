@@ -238,6 +238,10 @@ Circuit make_circuit(const Netlist& netlist, const std::string& file) {
   c.u = all_values(u, &Waveform::value);
   c.slope = all_values(u, &Waveform::slope);
   c.sources = r.sources;
+  for (const Waveform& one : *u) {
+    const std::vector<double> own = one.breakpoints(netlist.stop);
+    c.kinks.insert(c.kinks.end(), own.begin(), own.end());
+  }
   Vector at_start(r.sources);
   c.u(0, at_start);
   Scene& s = c.scene;

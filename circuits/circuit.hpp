@@ -68,6 +68,7 @@ struct Circuit {
   std::vector<CircuitElement> elements;
   std::vector<CircuitStore> stores;
   TimeFunction u, slope;           ///< k values each
+  std::vector<double> kinks;       ///< where one of them may jump or have a kink, also one that x and y do not see
   Index sources = 0;               ///< k
   Vector times;                    ///< of .tran: start to stop; empty: no step is given
   std::vector<std::string> notes;  ///< what was skipped, straightened or added, one line each

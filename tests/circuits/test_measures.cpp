@@ -109,6 +109,16 @@ TEST(Measures, HarmonicsOfARectifiedSine) {
   EXPECT_NEAR(n.max, 1, 1e-9);
 }
 
+// A source that only a switch sees has kinks between rows: the mean of a triangle up to a third of the period is 1/2.
+TEST(Measures, KinksOfSourcesThatOnlyGatesSee) {
+  const Solved s(
+      circuit_of("Vg g 0 PWL(0 0 0.33333m 1 1m 0)\nV1 a 0 1\nS1 a b g 0 SI\nR1 b 0 1\nC1 b 0 1u\n"
+                 ".model SI SW(Ron=1 Roff=1Meg Vt=.5)\n.tran 0.1m 1m uic\n"));
+  const CircuitWaveforms w = s.waveforms(0, 1e-3);
+  EXPECT_NEAR(w.mean(s.probe("V(g)")), 0.5, 1e-12);
+  EXPECT_NEAR(w.rms(s.probe("V(g)")), std::sqrt(1.0 / 3), 1e-12);
+}
+
 // 10 V over 1 ohm and 1 mF in series: at the end the source has given C V^2, half of which is stored.
 TEST(Measures, BalanceOfACapacitorThatIsCharged) {
   const Solved s(circuit_of("V1 a 0 10\nR1 a b 1\nC1 b 0 1m\n.tran 1m 30m uic\n"));
