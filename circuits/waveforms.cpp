@@ -28,7 +28,8 @@ constexpr std::array<double, 4> point_weights{0.3626837833783619829651504, 0.313
 std::vector<double> edges_between(const Circuit& c, const Result& r, double from, double to) {
   std::vector<double> all(r.t.begin(), r.t.end());
   for (const Switch& s : switches(r)) all.push_back(s.t);
-  all.insert(all.end(), c.kinks.begin(), c.kinks.end());
+  for (const std::vector<double>* times : {&c.scene.breakpoints, &c.kinks})
+    all.insert(all.end(), times->begin(), times->end());
   for (Index k = 1; k < least_pieces; ++k) all.push_back(from + (to - from) * double(k) / double(least_pieces));
   std::sort(all.begin(), all.end());
   const double least = shortest * (to - from);
