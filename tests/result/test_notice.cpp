@@ -29,9 +29,11 @@ TEST(Notices, NumbersAreInTheSentence) {
 }
 
 TEST(Notices, UnknownNumbersAreLeftOut) {
-  for (int code = int(first); code <= int(last); ++code)
-    if (const NoticeCode c = NoticeCode(code); c != NoticeCode::other_y && c != NoticeCode::other_state)
-      EXPECT_EQ(sentence({c}).find("t = nan"), std::string::npos) << sentence({c});
+  for (int code = int(first); code <= int(last); ++code) {
+    const NoticeCode c = NoticeCode(code);
+    if (c == NoticeCode::other_y || c == NoticeCode::other_state) continue;  // they always have a time
+    EXPECT_EQ(sentence({c}).find("t = nan"), std::string::npos) << sentence({c});
+  }
 }
 
 TEST(Notices, TheSameIsToldOnce) {

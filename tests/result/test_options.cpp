@@ -12,7 +12,7 @@
 namespace bromwich {
 namespace {
 
-constexpr double rate = 300, size = 100;
+constexpr double frequency = 300, amplitude = 100;
 
 // x' = -x + F cos(w t), y = 0 since w stays positive. 400 steps have w h = 0.75: f as a line between them errs by
 // (w h)^2/12 = 5 %.
@@ -21,21 +21,22 @@ Scene fast_source() {
   scene.dynamics = DenseDynamics{.A = Matrix{{-1}}, .B = Matrix{{1}}, .N = Matrix{{1}}, .E = {}};
   scene.M = Matrix{{1}};
   scene.x0 = Vector::Zero(1);
-  scene.f = [](double t, Eigen::Ref<Vector> f) { f[0] = size * std::cos(rate * t); };
+  scene.f = [](double t, Eigen::Ref<Vector> f) { f[0] = amplitude * std::cos(frequency * t); };
   scene.g = [](double, Eigen::Ref<Vector> g) { g[0] = 10; };
   return scene;
 }
 
 double exact(double t) {
-  return size / (1 + rate * rate) * (std::cos(rate * t) + rate * std::sin(rate * t) - std::exp(-t));
+  return amplitude / (1 + frequency * frequency) *
+         (std::cos(frequency * t) + frequency * std::sin(frequency * t) - std::exp(-t));
 }
 
-// Relative to the largest value, size / rate.
+// Relative to the largest value, amplitude / frequency.
 template <class Rows>
 double error_of(const Vector& t, const Rows& x) {
   double largest = 0;
   for (Index j = 0; j < t.size(); ++j) largest = std::max(largest, std::abs(x(j, 0) - exact(t[j])));
-  return largest * rate / size;
+  return largest * frequency / amplitude;
 }
 
 Options with_states() {
