@@ -42,11 +42,11 @@ std::map<std::string, MeasuredValue> values(const std::string& cards) {
 }
 
 // v = 10 e^{-t/ms}, i = v/k. Quadrature of order 16 in 200 pieces and more, states to 1e-9.
-const std::string decay = "C1 a 0 1u IC=10\nR1 a 0 1k\n.tran 10u 4m uic\n.param level=5\n";
+const std::string discharge = "C1 a 0 1u IC=10\nR1 a 0 1k\n.tran 10u 4m uic\n.param level=5\n";
 
 TEST(Measures, CardsAgreeWithClosedForms) {
   const auto m =
-      values(decay +
+      values(discharge +
              ".meas tran mean AVG V(a) FROM=1m TO=3m\n.meas TRAN r RMS V(a)\n.meas least MIN V(a) to=2m\n"
              ".meas most MAX I(R1)\n.meas pp PP V(a)\n.meas heat INTEG V(a)*I(R1)\n"
              ".measure at FIND V(a)*2 AT=1m\n.meas half WHEN V(a)={level}\n"
