@@ -46,7 +46,6 @@ class LcpResult:
         residual: max_i ``|min(y_i, w_i)| / (|q_i| + sum_j |M_ij| y_j)``, rows and columns of M scaled.
         margin: min_i max(y_i, w_i), scaled; near 0 for a degenerate problem, where y is not differentiable.
         iterations: active sets tried; of problems that were solved side by side their mean.
-        active: booleans, y > 0.
         lcp_class: the class of M, a word for each matrix.
     """
 
@@ -69,6 +68,7 @@ class LcpResult:
 
     @property
     def active(self) -> np.ndarray:
+        """Whether y_i > 0, in the shape of y."""
         return self.y > 0
 
     @property
