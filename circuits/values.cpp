@@ -167,7 +167,11 @@ std::string Parameters::plain(const std::string& s, const Place& place, int dept
   for (std::size_t i = 0; i < s.size();) {
     if (digit(s[i]) || (s[i] == '.' && i + 1 < s.size() && digit(s[i + 1]))) {
       double value = 0;
-      i += number_at(s.substr(i), value);
+      const std::size_t length = number_at(s.substr(i), value);
+      if (length == 0)
+        throw Error(to_string(place), fmt::format("'{}' has a number that is too large or too small", s),
+                    "give numbers that a double holds");
+      i += length;
       out += spelled(value);
     } else if (letter(s[i])) {
       std::size_t end = i;

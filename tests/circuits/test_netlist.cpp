@@ -125,6 +125,7 @@ TEST(NetlistMistakes, AreNamed) {
       {"K1 L1 L2 1\nL1 a 0 1" + end, "there is no inductor 'l2'"},
       {"L1 a 0 1\nL2 a 0 1\nK1 L1 L2 1.5" + end, "K1 = 1.5"},
       {".param p={p}\nR1 a 0 p" + end, "is defined by itself"},
+      {".param p={2*1e999}\nR1 a 0 {p}" + end, "has a number that is too large or too small"},
       {"V1 a 0 PWL(0 1 2)\nR1 a 0 1" + end, "PWL has no pairs"},
       {"V1 a 0 1\nL1 a 0 1m" + end, "there is no operating point"},
       {"V1 in 0 1\nR1 in x 1\nE1 x 0 y 0 1\nR2 y 0 1\nE2 y 0 x 0 1" + end,
