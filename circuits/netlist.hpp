@@ -63,8 +63,8 @@ struct Netlist {
   std::vector<std::filesystem::path> inputs;
 };
 
-/// Throws Error naming file, line and element. `settings` replace parameters of the top level. `period`: of the
-/// periodic state that is asked for; 0: the least common one of the sources.
+/// Throws Error naming file, line and element. `settings` replace parameters of the top level. `period`: the
+/// length of a periodic state; 0: the least common period of the sources.
 Netlist read_netlist(std::string_view text, const std::string& file_name, const std::filesystem::path& folder,
                      const std::map<std::string, double>& settings, std::optional<double> period = {});
 

@@ -117,7 +117,7 @@ Result KeptSolver::solve(const Scene& scene, const Options& given) {
   if (kept_ && kept_->serves(scene, options)) {
     kept_->take(scene);
   } else {
-    forget();  // before memory is asked for
+    forget();  // the old plans free their memory before new ones take theirs
     kept_ = std::make_unique<Kept>(scene, options);
   }
   std::unique_ptr<Kept> used = std::move(kept_);  // what an exception leaves is half of this solve and half of the last
