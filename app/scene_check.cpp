@@ -1,6 +1,7 @@
 #include "app/scene_check.hpp"
 
 #include "app/circuit_check.hpp"
+#include "app/mechanism_check.hpp"
 #include "app/nonlinear_solve.hpp"
 #include "app/scene_facts.hpp"
 #include "app/text.hpp"
@@ -184,7 +185,7 @@ void look_at_methods(const Scene& given, Backend& backend, const Options& option
 void add_warnings(const SceneChoice& choice, const std::optional<Spectrum>& spectrum, SceneCheck& check) {
   const Scene& scene = choice.scene;
   if (!choice.warning.empty()) check.warnings.push_back(choice.warning);
-  if (scene.constraints() > 0 && scene.free_rows.empty() && !is_stated(scene.lcp_class) &&
+  if (scene.constraints() > 0 && scene.free_rows.empty() && !is_stated(scene.lcp_class) && !choice.mechanism &&
       !selects_one(classify(scene.M)))
     check.warnings.emplace_back(
         "the class of M is not known: steps may have several solutions or none; state class if you know it");
@@ -252,6 +253,8 @@ std::string check_text(const SceneChoice& choice, const SceneCheck& check) {
     breaks += fmt::format("{}{:.6g}", i ? ", " : "", check.breakpoints[i]);
   if (choice.circuit)
     for (const auto& [label, fact] : circuit_facts(*choice.circuit)) line(label, fact);
+  if (choice.mechanism)
+    for (const auto& [label, fact] : mechanism_facts(*choice.mechanism)) line(label, fact);
   line("sources", check.breakpoints.empty() ? check.sources
                                             : fmt::format("{}, {} at t = {}{}", check.sources,
                                                           counted(check.breakpoints.size(), "breakpoint"), breaks,
@@ -293,6 +296,7 @@ Json check_json(const SceneChoice& choice, const SceneCheck& check) {
     json["netlist"] = choice.circuit->reduction.summary;
     json["reduction"] = circuit_json(*choice.circuit);
   }
+  if (choice.mechanism) json["mechanism"] = mechanism_json(*choice.mechanism);
   json["sources"] = check.sources;
   json["breakpoints"] = check.breakpoints;
   json["methods"] = Json::array();

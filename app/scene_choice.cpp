@@ -98,15 +98,17 @@ SceneChoice SceneSource::choice(const ParameterValues& settings, bool nonlinear)
   NonlinearFile read = nonlinear ? file_->nonlinear(settings) : NonlinearFile{file_->linear(settings), {}};
   SceneFile& file = read.file;
   if (!settings.empty()) file.reference.reset();  // it is valid for the parameters of the file
-  return {std::move(file.scene),
-          std::move(file.parameters),
-          std::move(file.states),
-          std::move(file.reference),
-          std::move(file.quantity),
-          std::move(file.warning),
-          std::move(file.inputs),
-          std::move(file.rectangle),
-          read.system ? std::make_shared<const NonlinearScene>(std::move(*read.system)) : nullptr};
+  SceneChoice choice{std::move(file.scene),
+                     std::move(file.parameters),
+                     std::move(file.states),
+                     std::move(file.reference),
+                     std::move(file.quantity),
+                     std::move(file.warning),
+                     std::move(file.inputs),
+                     std::move(file.rectangle),
+                     read.system ? std::make_shared<const NonlinearScene>(std::move(*read.system)) : nullptr};
+  choice.mechanism = std::move(file.mechanism);
+  return choice;
 }
 
 Index SceneSource::sources() const { return file_ ? file_->sources() : 0; }

@@ -29,6 +29,7 @@ struct SceneChoice {
   std::optional<Rectangle> rectangle = {};                  ///< of a file with [kronecker]
   std::shared_ptr<const NonlinearScene> system = {};  ///< of a file with [nonlinear], whose linear part is `scene`
   std::shared_ptr<const Circuit> circuit = {};        ///< of a netlist: its outputs; `scene` is its scene
+  std::shared_ptr<const Mechanism> mechanism = {};    ///< of a file with [structure]; `scene` is its scene
 };
 
 /// A built-in scene, a TOML file or a netlist, for many settings: the file is read once. Not for several threads at

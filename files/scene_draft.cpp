@@ -11,6 +11,7 @@
 #include "files/reference_section.hpp"
 #include "files/scene_matrices.hpp"
 #include "files/sections.hpp"
+#include "files/structure_section.hpp"
 #include "files/words.hpp"
 
 #include <fmt/format.h>
@@ -243,6 +244,11 @@ void add_exact(const Section& section, Scene& scene) {
   };
 }
 
+Scene structure_scene(const Sections& s, Draft& draft) {
+  draft.mechanism = read_mechanism(s, draft);
+  return draft.mechanism->scene;
+}
+
 /// E0 x(0) + ET x(T) = b instead of x0; an omitted matrix is zero.
 void add_boundary(const Sections& s, Scene& scene) {
   const Section& section = s.boundary;
@@ -352,7 +358,7 @@ void add_labels(const Sections& s, Scene& scene) {
     return Labels{section.texts("x", scene.states()), section.texts("y", scene.constraints()),
                   section.texts("w", scene.constraints())};
   };
-  scene.names = labels(s.names);
+  if (s.names.given() || scene.names.x.empty()) scene.names = labels(s.names);
   scene.units = labels(s.units);
   scene.time_unit = s.units.text("t", "");
   if (s.names.given()) check_names(s.names, scene);
@@ -371,8 +377,13 @@ Draft draft_scene(const Sections& s, const ParameterValues& settings) {
   Draft draft;
   Scene& scene = draft.scene;
   const auto final_time = [&] { return settings.contains("T") ? settings.at("T") : s.time.number("T"); };
-  if (s.port.given() || s.relay.given()) scene.T = final_time();  // their sources are read with their matrices
-  scene = s.port.given() ? port_scene(s, draft) : s.relay.given() ? relay_scene(s, draft) : complementarity_scene(s);
+  const bool structure = s.structure.given() || !s.contacts.empty();
+  // Sources that are read with matrices.
+  if (structure || s.port.given() || s.relay.given()) scene.T = final_time();
+  scene = structure         ? structure_scene(s, draft)
+          : s.port.given()  ? port_scene(s, draft)
+          : s.relay.given() ? relay_scene(s, draft)
+                            : complementarity_scene(s);
   add_boundary(s, scene);
   add_free_rows(s.free, scene);
   add_restitution(s.complementarity, scene);
@@ -385,7 +396,10 @@ Draft draft_scene(const Sections& s, const ParameterValues& settings) {
     return of_file;
   };
   in_the_file(where, [&] { scene.validate(); });
-  if (s.port.given()) {  // with sources of its own, which depend on the dynamics
+  if (structure) {
+    add_breakpoints(s, draft);
+    draft.sources = next_number();
+  } else if (s.port.given()) {  // with sources of its own, which depend on the dynamics
     add_sources(s, draft);
     draft.sources = next_number();
   } else {

@@ -87,6 +87,7 @@ NonlinearFile SceneReader::nonlinear(const ParameterValues& settings) {
   Draft draft = draft_scene(sections, others);
   file.scene = std::move(draft.scene);
   number_of_sources = draft.sources;
+  file.mechanism = std::move(draft.mechanism);
   if (sections.kronecker.given()) file.rectangle = read_rectangle(sections);
   if (!draft.switches.complete) file.warning = incomplete_switches;
   add_facts(file, document, sections, settings);

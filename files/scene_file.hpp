@@ -13,6 +13,8 @@
 
 namespace bromwich {
 
+struct Mechanism;
+
 /// Known values of the solution, not used in solving. Unknown entries are NaN.
 struct Reference {
   std::optional<double> t;          ///< the time of x and y
@@ -33,6 +35,7 @@ struct SceneFile {
   std::string warning;                                 ///< one line about switch times that were not found, or empty
   std::vector<std::filesystem::path> inputs;           ///< the scene file, tables and matrices that were read
   std::optional<Rectangle> rectangle;                  ///< of [kronecker]
+  std::shared_ptr<const Mechanism> mechanism;          ///< of [structure] and [[contact]]; null without them
 };
 
 /// False if this build has no reader: read_scene_file then throws an Error that names the missing packages.

@@ -122,6 +122,14 @@ std::string Section::text(const std::string& key, const std::string& otherwise) 
   return one_line(text->get());
 }
 
+bool Section::flag(const std::string& key) const {
+  const toml::node* node = find(key);
+  if (!node) return false;
+  const auto* flag = node->as_boolean();
+  if (!flag) throw Error(where(key), "found " + kind(*node), "give true or false, without quotes");
+  return flag->get();
+}
+
 std::string Section::word(const std::string& key, const std::vector<std::string>& words) const {
   const std::string found = text(key, words.front());
   if (std::find(words.begin(), words.end(), found) == words.end())
@@ -186,6 +194,12 @@ Vector Section::read_vector(const std::string& key, Index size, Index line) cons
   Vector values(Index(list.size()));
   for (std::size_t i = 0; i < list.size(); ++i) values[Index(i)] = number(list[i], key);
   return values;
+}
+
+Matrix Section::row_or_rows(const std::string& key, Index columns) const {
+  const toml::array* list = require(key).as_array();
+  const bool rows = list && !list->empty() && (*list)[0].is_array();
+  return rows ? inline_matrix(key) : Matrix(vector(key, columns).transpose());
 }
 
 Vector Section::one_or_each(const std::string& key, Index count) const {

@@ -53,12 +53,15 @@ class Section {
   std::optional<double> optional_number(const std::string& key) const;
   Index positive_integer(const std::string& key, Index otherwise) const;
   std::string text(const std::string& key, const std::string& otherwise) const;
+  bool flag(const std::string& key) const;  ///< false if the key is missing
   /// One of `words`; the first if the key is missing.
   std::string word(const std::string& key, const std::vector<std::string>& words) const;
 
   /// A list or a file; with `size` also one expression for all entries i = 0, ..., size - 1. In lines of `line` entries
   /// i counts the lines and j the entries of a line.
   Vector vector(const std::string& key, Index size = 0, Index line = 1) const;
+  /// A list of `columns` numbers as one row, or rows of them.
+  Matrix row_or_rows(const std::string& key, Index columns) const;
   /// One number for all, or `count` of them.
   Vector one_or_each(const std::string& key, Index count) const;
   /// Two of `words`, numbers or expressions, or one for both; the first word if the key is missing.
@@ -71,7 +74,8 @@ class Section {
   /// `rows` and `columns`: the size of "identity" and "zero", if it is known; of a square one a number is that multiple
   /// of the identity. It stays as KeptValues says.
   const MatrixValue& matrix(const std::string& key, Index rows = 0, Index columns = 0) const;
-  /// Expressions of t, or a table of values up to `last_time`; with `size` also one expression for all entries i.
+  /// Expressions of t, or a table of values up to `last_time`; with `size` also one expression for all entries i, and a
+  /// number for a single one.
   FunctionValue function(const std::string& key, double last_time, Index size = 0) const;
   /// Expressions of t; empty if the key is missing.
   FunctionValue expressions(const std::string& key, Index size = 0) const;

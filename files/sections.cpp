@@ -20,6 +20,20 @@ const toml::table* find_table(const Document& document, const toml::table& root,
               fmt::format("write a section [{}]", name));
 }
 
+/// The tables of [[name]].
+std::vector<const toml::table*> find_tables(const Document& document, const toml::table& root,
+                                            const std::string& name) {
+  std::vector<const toml::table*> tables;
+  const toml::node* node = root.get(name);
+  if (!node) return tables;
+  const toml::array* list = node->as_array();
+  for (std::size_t i = 0; list && i < list->size(); ++i) tables.push_back((*list)[i].as_table());
+  if (!list || std::find(tables.begin(), tables.end(), nullptr) != tables.end())
+    throw Error(fmt::format("{}:{}: {}", document.name, node->source().begin.line, name), "found " + kind(*node),
+                fmt::format("write a section [[{}]] for each", name));
+  return tables;
+}
+
 std::vector<std::string> keys_of(const toml::table* table) {
   std::vector<std::string> keys;
   if (table)
@@ -31,9 +45,10 @@ std::vector<std::string> keys_of(const toml::table* table) {
 
 const std::vector<SectionKeys>& scene_file_keys() {
   static const std::vector<SectionKeys> keys{
-      {"", {"name",  "description", "include",  "parameters", "definitions", "dynamics", "kronecker", "complementarity",
-            "relay", "port",        "boundary", "free",       "time",        "names",    "units",     "output",
-            "exact", "reference",   "quantity", "sweep",      "nonlinear"}},
+      {"",
+       {"name",  "description", "include",  "parameters", "definitions", "dynamics",  "kronecker", "complementarity",
+        "relay", "port",        "boundary", "free",       "time",        "names",     "units",     "output",
+        "exact", "reference",   "quantity", "sweep",      "nonlinear",   "structure", "contact"}},
       {"parameters", {}},
       {"definitions", {}},
       {"dynamics", {"A", "B", "E", "f", "F", "x0"}},
@@ -53,7 +68,10 @@ const std::vector<SectionKeys>& scene_file_keys() {
       {"reference", {"t", "x", "y", "status", "infeasible_at", "tolerance", "source"}},
       {"quantity", {"name", "W", "c", "end_W", "end_c", "exact"}},
       {"sweep", {}},
-      {"nonlinear", {"phi", "gamma", "of"}}};
+      {"nonlinear", {"phi", "gamma", "of"}},
+      {"structure", {"M", "C", "K", "f", "q0", "v0", "periodic", "names", "B"}},
+      {"contact",
+       {"name", "normal", "tangent", "gap", "velocity", "mu", "restitution", "kn", "kt", "bound", "facets"}}};
   return keys;
 }
 
@@ -64,13 +82,22 @@ Sections read_sections(const Document& document, const toml::table& root) {
     const toml::table* table = name.empty() ? &root : find_table(document, root, name);
     return Section(document, table, name, known->keys.empty() ? keys_of(table) : known->keys);
   };
+  const auto contacts = [&] {
+    std::vector<Section> all;
+    const auto& known = scene_file_keys();
+    const auto keys =
+        std::find_if(known.begin(), known.end(), [](const SectionKeys& s) { return s.name == "contact"; });
+    for (const toml::table* table : find_tables(document, root, "contact"))
+      all.emplace_back(document, table, fmt::format("contact[{}]", all.size()), keys->keys);
+    return all;
+  };
   return {section(""),          section("parameters"), section("definitions"),
           section("dynamics"),  section("kronecker"),  section("complementarity"),
           section("relay"),     section("port"),       section("boundary"),
           section("free"),      section("time"),       section("names"),
           section("units"),     section("output"),     section("exact"),
           section("reference"), section("quantity"),   section("sweep"),
-          section("nonlinear")};
+          section("nonlinear"), section("structure"),  contacts()};
 }
 
 void read_parameters(Document& document, const Section& section, const ParameterValues& settings,
@@ -105,7 +132,8 @@ void in_the_file(const std::function<Places()>& places_of_members, const std::fu
     const std::string& argument = error.argument();
     for (const auto& [member, place] : places)  // it already names a place; the file may have the name of a member
       if (place.find(':') != std::string::npos && argument.starts_with(place.substr(0, place.find(':') + 1))) throw;
-    const auto place = places.find(argument.substr(0, argument.find_first_of(".(")));
+    const auto whole = places.find(argument);
+    const auto place = whole != places.end() ? whole : places.find(argument.substr(0, argument.find_first_of(".(")));
     if (place == places.end()) throw;
     throw Error(place->second, error.found(), error.remedy(), error.kind());
   }

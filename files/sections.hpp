@@ -8,13 +8,15 @@
 #include <functional>
 #include <map>
 #include <string>
+#include <vector>
 
 namespace bromwich {
 
 /// The sections of a file, by name.
 struct Sections {
   Section top, parameters, definitions, dynamics, kronecker, complementarity, relay, port, boundary, free, time, names,
-      units, output, exact, reference, quantity, sweep, nonlinear;
+      units, output, exact, reference, quantity, sweep, nonlinear, structure;
+  std::vector<Section> contacts;  ///< of [[contact]]
 };
 
 /// Throws Error for an unknown section or key.

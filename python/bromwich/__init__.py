@@ -39,6 +39,7 @@ from ._backends import BackendInfo, backends, cuda_devices
 from ._circuit import Balance, Circuit, CircuitScene, ElementPower, circuit
 from ._invert import Inverse, invert
 from ._lcp import LcpGradient, LcpResult, LcpTangent, lcp
+from ._mechanics import Contact, MechanicalScene, Structure
 from ._mesh import Mesh
 from ._nonlinear import NonlinearResult, solve_nonlinear
 from ._parameters import ParameterDerivative
@@ -61,6 +62,7 @@ __all__ = [
     "BatchResult",
     "Circuit",
     "CircuitScene",
+    "Contact",
     "Derivative",
     "DeviceError",
     "DoesNotFit",
@@ -76,6 +78,7 @@ __all__ = [
     "LcpResult",
     "LcpTangent",
     "Margin",
+    "MechanicalScene",
     "Mesh",
     "NonlinearResult",
     "NotSolved",
@@ -90,6 +93,7 @@ __all__ = [
     "SingularShift",
     "Solver",
     "Status",
+    "Structure",
     "Switch",
     "Tangent",
     "Tridiagonal",

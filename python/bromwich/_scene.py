@@ -149,7 +149,7 @@ class Scene:
         if self._recipe is not None:
             maker, arguments, named = self._recipe
             changed = {**named, name: value}
-            if maker == "relay":
+            if maker in ("relay", "_structured"):
                 changed = {**named, "parameters": {**named["parameters"], name: value}}
             return getattr(type(self), maker)(*arguments, **changed)
         parameters = {**self._parameters, name: value}

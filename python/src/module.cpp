@@ -55,6 +55,7 @@ NB_MODULE(_core, m) {
   bind_derivatives(m);
   bind_inversion(m);
   bind_lcp(m);
+  bind_mechanics(m);
   bind_nonlinear(m);
   bind_report(m);
   bind_state(m);

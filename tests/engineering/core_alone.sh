@@ -18,7 +18,7 @@ cmake -S "$source" -B "$out/build" "$@" "${without[@]}" -DBROMWICH_CPU=OFF -DBRO
   -DCMAKE_EXPORT_COMPILE_COMMANDS=ON
 
 # core_commands BUILD: one line a file, without the name of the build directory.
-of_core=' -o [^ ]*bromwich_(core|catalogue|derivatives|batch|nonlinear|ranks|complementarity)\.dir/'
+of_core=' -o [^ ]*bromwich_(core|catalogue|derivatives|batch|nonlinear|ranks|complementarity|mechanics)\.dir/'
 core_commands() { grep -E "\"command\": .*$of_core" "$1/compile_commands.json" | sed "s|$1|BUILD|g" | sort; }
 core_commands "$build" >"$out/of_this_build"
 core_commands "$out/build" >"$out/of_core_alone"
@@ -32,7 +32,7 @@ for header in omp.h fftw3.h cuda_runtime.h; do
   grep -q '^#error' "$build/core_alone/$header"
 done
 
-for name in core catalogue derivatives batch nonlinear ranks complementarity; do cp "$build/$name/libbromwich_$name.a" "$out/build/$name/"; done
+for name in core catalogue derivatives batch nonlinear ranks complementarity mechanics; do cp "$build/$name/libbromwich_$name.a" "$out/build/$name/"; done
 cmake --install "$out/build" --prefix "$out/prefix"
 cmake -S "$source/tests/engineering/core_alone" -B "$out/consumer" "$@" "${without[@]}" \
   -DCMAKE_PREFIX_PATH="$out/prefix"

@@ -7,7 +7,7 @@ cd "$source"
 commit=${BROMWICH_COMMIT:-$(git rev-parse --verify HEAD 2>/dev/null || echo unknown)}
 compiler=$(sed -n 's/.*compiler = "\(.*\)";/\1/p' "$build/generated/core/build_info.hpp")
 
-gcovr --root "$source" --object-directory "$build" --filter '(core|catalogue|derivatives|batch|nonlinear|ranks|complementarity|cpu|files|app)/' --gcov-ignore-parse-errors \
+gcovr --root "$source" --object-directory "$build" --filter '(core|catalogue|derivatives|batch|nonlinear|ranks|complementarity|mechanics|cpu|files|app)/' --gcov-ignore-parse-errors \
   --exclude-unreachable-branches --json "$build/lines.json"
 
 python3 - "$build/lines.json" "$out" "$commit" "$compiler" <<'PROGRAM'

@@ -42,7 +42,7 @@ for bare in missing_include missing_guard; do
   fi
 done
 
-mapfile -t headers < <(find include core catalogue derivatives batch nonlinear ranks complementarity cpu files -name '*.hpp' | sort)
+mapfile -t headers < <(find include core catalogue derivatives batch nonlinear ranks complementarity mechanics cpu files -name '*.hpp' | sort)
 ((${#headers[@]} > 40)) || { echo "headers: only ${#headers[@]} found in $PWD"; exit 1; }
 printf '%s\n' "${headers[@]}" | xargs -P "$(nproc)" -I {} bash -c 'check_header {}'
 echo "headers: ${#headers[@]} compile alone"

@@ -30,8 +30,8 @@ if [[ ${4-} != all ]]; then
   echo 'extern "C" int omp_get_thread_num();' >"$out/openmp/omp.h"
   flags=(-std=c++20 -Iinclude -I. -isystem /usr/include/eigen3 -isystem "$out/openmp" -fopenmp
          -DEIGEN_DONT_PARALLELIZE -Wno-everything)
-  find include core catalogue derivatives batch nonlinear ranks complementarity cpu files -name '*.hpp' | sort | sed 's/.*/#include "&"/' >"$out/headers.cpp"
-  "$tool" --quiet --config-file=.clang-tidy --checks='-clang-analyzer-*' --header-filter='/(include|core|catalogue|derivatives|batch|nonlinear|ranks|complementarity|cpu|files)/' \
+  find include core catalogue derivatives batch nonlinear ranks complementarity mechanics cpu files -name '*.hpp' | sort | sed 's/.*/#include "&"/' >"$out/headers.cpp"
+  "$tool" --quiet --config-file=.clang-tidy --checks='-clang-analyzer-*' --header-filter='/(include|core|catalogue|derivatives|batch|nonlinear|ranks|complementarity|mechanics|cpu|files)/' \
     --warnings-as-errors='*' "$out/headers.cpp" -- "${flags[@]}"
   echo "tidy: $(grep -c . "$out/headers.cpp") headers"
   exit

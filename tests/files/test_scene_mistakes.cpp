@@ -119,7 +119,7 @@ TEST(SceneFile, MistakesInFunctionsAndTimesNameFileLineAndKey) {
       {with(7, "x0 = 3"), "my.toml:7: dynamics.x0: found 3; give a list"},
       {with(7, "x0 = [3, 4]"), "my.toml:7: dynamics.x0: has 2 entries; give 1, one per state"},
       {with(7, "x0 = [\"1/0\"]"), "my.toml:7: dynamics.x0: '1/0' is infinite"},
-      {with(7, "x0 = [3]\nf = 3"), "my.toml:8: dynamics.f: found 3; give a list of expressions"},
+      {with(7, "x0 = [3]\nf = true"), "my.toml:8: dynamics.f: found true; give a list of expressions"},
       {with(7, "x0 = [3]\nf = \"sin(k*t)\""), "my.toml:8: dynamics.f: 'sin(k*t)' uses 'k', which is not defined"},
       {with(7, "x0 = [3]\nf = [\"sin(t)\", 0]"), "my.toml:8: dynamics.f: has 2 entries; give 1, one per state"},
       {with(7, "x0 = [3]\nf = [\"sin(t\"]"), "my.toml:8: dynamics.f: 'sin(t' is no expression"},

@@ -1,0 +1,93 @@
+#pragma once
+// Linear structures with contacts, as mechanics states them:
+//
+//     M q'' + C q' + K q = f(t) + Σ Hn^T ln + Ht^T lt,    q(0) = q0,  q'(0) = v0.
+//
+// Of each contact, with the gap gn = Hn q + g(t) and the sliding velocity vt = Ht q' - V(t):
+//
+//     normal     0 <= ln  ⊥  gn + ln / kn >= 0              kn: its stiffness; rigid: gn >= 0
+//     friction   |lt| <= R,  lt = -R sgn vt where it slips  R = mu ln, or a given bound R(t)
+//     Jenkins    lt' = -kt vt where |lt| < R                 a spring kt in series with the friction
+//     impact     gn'+ = -e gn'-                              Newton's law with the restitution e, of rigid contacts
+//
+// symbol  variable             shape   meaning
+// M,C,K   Structure::M, C, K   d x d   mass (symmetric, positive definite), damping, stiffness
+// Hn      Contact::normal      d       row of the gap; opening is positive
+// Ht      Contact::tangent     1 x d   row of the sliding velocity; 2 x d in space, with facets
+//
+// As a linear complementarity system with x = (q, q', l of Jenkins elements), a contact has these rows:
+//
+//     contact           y                        w
+//     no friction       ln                       gn + ln / kn
+//     planar            ln, b, c                 gn + ln / kn,  vt + c,  2 mu ln - b         lt = b - mu ln
+//     given bound       b, c                     vt + c,  2 R - b                            lt = b - R
+//     Jenkins           (ln,) s+, s-             (gn + ln / kn,)  R + lt,  R - lt            lt' = -kt (vt - s+ + s-)
+//     facets            (ln,) l_1 ... l_k, c     (gn + ln / kn,)  d_i·vt + c,  R - Σ l_i     lt = Σ d_i l_i
+
+#include "scene.hpp"
+#include "types.hpp"
+
+#include <string>
+#include <vector>
+
+namespace bromwich {
+
+struct Structure {
+  std::string name;
+  SparseMatrix M, C, K;   ///< C and K may be empty: 0
+  TimeFunction f;         ///< d values; empty = 0
+  Vector q0, v0;          ///< d values; empty = 0
+  bool periodic = false;  ///< q(0) = q(T) and q'(0) = q'(T) instead of q0 and v0
+  double T = 1;
+  std::vector<std::string> names;  ///< of the coordinates; empty: q0, q1, ...
+  /// Times at which f, or g, V and R of a contact, may jump or have a kink; see Scene.
+  std::vector<double> breakpoints;
+  bool breakpoints_are_all = false;
+};
+
+struct Contact {
+  std::string name;       ///< empty: c0, c1, ... by its place
+  Vector normal;          ///< Hn; empty: friction alone, with `bound`
+  Matrix tangent;         ///< Ht; empty: no friction
+  TimeFunction gap;       ///< g, 1 value; empty = 0
+  TimeFunction velocity;  ///< V of the other body, a value for each tangent; empty = 0
+  TimeFunction bound;     ///< R >= 0, 1 value: friction of a given normal force, in place of mu ln
+  double mu = 0;
+  double restitution = 0;  ///< e in [0, 1]
+  double kn = 0, kt = 0;   ///< 0: rigid
+  Index facets = 0;        ///< in space: directions d_i of friction, an even number
+};
+
+/// Where a contact is in y and w, and its Jenkins force in x; -1: nowhere.
+struct ContactRows {
+  Index normal = -1;    ///< of ln and the gap
+  Index friction = -1;  ///< first row of the friction
+  Index state = -1;     ///< x[state] = -lt
+};
+
+/// Forces B l on the coordinates with l_i in -bound_i(t) Sgn((C (q, q') + e(t))_i), as of relay_scene.
+struct Relays {
+  Matrix B;            ///< d x k; empty: none
+  Matrix C;            ///< k x 2d
+  TimeFunction e;      ///< k values; empty = 0
+  TimeFunction bound;  ///< k values; empty = 1
+};
+
+struct Mechanism {
+  Structure structure;
+  std::vector<Contact> contacts;
+  std::vector<ContactRows> rows;  ///< of each contact
+  Scene scene;
+
+  Index coordinates() const { return structure.M.rows(); }  ///< d
+  /// Rows of y x contacts.
+  RowMatrix normal_forces(const RowMatrix& y) const;
+  /// The friction forces lt of all tangents of all contacts, at the times t of these rows of x (all states) and y.
+  RowMatrix friction_forces(const Vector& t, const RowMatrix& x, const RowMatrix& y) const;
+};
+
+/// The scene of a structure with contacts: dense up to 200 states, otherwise sparse with E = diag(I, M). Rows of relays
+/// (2k) come before those of contacts. Throws Error naming the member, of a contact as "contacts[1].mu".
+Mechanism make_mechanism(Structure, std::vector<Contact>, const Relays& = {});
+
+}  // namespace bromwich

@@ -1,0 +1,5 @@
+#pragma once
+
+#include "core/scene/scene.hpp"
+
+#include "bromwich/mechanics.hpp"

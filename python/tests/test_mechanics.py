@@ -1,0 +1,102 @@
+"""Structures with contacts: as files and as C++ state them, against references of a program of its own."""
+
+import pickle
+
+import numpy as np
+import pytest
+
+import bromwich
+
+K = np.array([[2, -0.6], [-0.6, 1.5]])
+FILE = """
+[structure]
+M = 1
+K = [[2, -0.6], [-0.6, 1.5]]
+C = [[0.06, -0.006], [-0.006, 0.055]]
+f = ["0.3*sin(2.1*t)", "-1 + 1.3*cos(2.1*t)"]
+q0 = [0, 0]
+[[contact]]
+name = "belt"
+normal = [0, 1]
+tangent = [1, 0]
+velocity = 0.4
+mu = 0.4
+restitution = 0.5
+[time]
+T = 10
+"""
+
+
+def belt(**changed):
+    return bromwich.Contact(**{**dict(normal=[0, 1], tangent=[1, 0], velocity=0.4, mu=0.4, name="belt"), **changed})
+
+
+def block(contact, f=("0.3*sin(2.1*t)", "-1 + load*cos(2.1*t)"), **more):
+    return bromwich.Structure(
+        M=np.eye(2), K=K, C=0.04 * np.eye(2) + 0.01 * K, f=list(f), contacts=contact, parameters={"load": 1.3}, **more
+    )
+
+
+def test_block_that_lifts_off_and_bounces(tmp_path):
+    (tmp_path / "belt.toml").write_text(FILE)
+    known = [-0.2024374329, 0.0637274032, -0.2157451367, -0.5111438908]
+    for scene in (block(belt(restitution=0.5)).scene(T=10), bromwich.Scene.from_toml(tmp_path / "belt.toml")):
+        r = bromwich.solve(scene, tol=1e-6, states="all")
+        assert r.ok, r.reason
+        np.testing.assert_allclose(r.x[-1], known, atol=1e-8)
+        assert scene.names["y"] == ["belt.normal", "belt.friction", "belt.slip"]
+
+
+def test_sources_may_be_functions_and_tables():
+    def f(t):
+        return [0.3 * np.sin(2.1 * t), -1 + 1.3 * np.cos(2.1 * t)]
+
+    moving = ([0, 10], [0.4, 0.4])
+    structure = bromwich.Structure(
+        M=np.eye(2), K=K, C=0.04 * np.eye(2) + 0.01 * K, f=f, contacts=[belt(velocity=moving, restitution=0.5)]
+    )
+    r = bromwich.solve(structure.scene(T=10), tol=1e-6, states="all")
+    np.testing.assert_allclose(r.x[-1, :2], [-0.2024374329, 0.0637274032], atol=1e-7)
+
+
+def test_parameters_replace_values_and_survive_pickle():
+    scene = block(belt()).scene(T=4, load=0.6)
+    assert scene.parameters == {"load": 0.6} and scene.contacts == ["belt"] and scene.uniqueness == "unique"
+    again = pickle.loads(pickle.dumps(scene))
+    assert again.parameters == {"load": 0.6} and again.contacts == ["belt"]
+    a, b = (bromwich.solve(s, steps=200, states="all") for s in (scene, again))
+    np.testing.assert_array_equal(a.x, b.x)
+    with pytest.raises(bromwich.Error, match="lod: is no parameter of the structure; choose from load"):
+        block(belt()).scene(T=4, lod=1)
+
+
+def test_sparse_structures_and_compliant_contacts():
+    sparse = pytest.importorskip("scipy.sparse")
+    d = 120
+    stiffness = sparse.diags([-1.0, 2.0, -1.0], [-1, 0, 1], shape=(d, d), format="csc")
+    stop = bromwich.Contact(normal=-np.eye(d)[60], gap=0.05, kn=1e3)
+    structure = bromwich.Structure(M=sparse.identity(d, format="csc"), K=stiffness, f=["sin(t)"] * d, contacts=stop)
+    scene = structure.scene(T=2)
+    r = bromwich.solve(scene, steps=400, states="all")
+    assert r.ok, r.reason
+    force = r.y[:, 0]
+    assert force.max() > 0
+    np.testing.assert_allclose(np.maximum(r.x[1:, 60] - 0.05, 0) * 1e3, force[1:], atol=1e-8 * force.max())
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: bromwich.Contact(normal=[1], kn=0), "kn: found 0; give a positive stiffness"),
+        (lambda: bromwich.Contact(normal=[1], mu="a"), "mu: found 'a'; give a number"),
+        (lambda: bromwich.Structure(M=1, contacts=[1]), r"contacts\[0\]: is a int; give bromwich.Contact"),
+        (lambda: bromwich.Structure(M=[[1, 2], [2, 1]]).scene(T=1), "M: is not symmetric and positive definite"),
+        (lambda: block(belt(mu=-1)).scene(T=1), r"contacts\[0\].mu: is -1; give a number >= 0"),
+        (lambda: block(belt(velocity=[1, 2, 3], normal=[1])).scene(T=1), r"contacts\[0\].normal: has 1 entries"),
+        (lambda: block(belt(gap="s")).scene(T=1), "gap: 's' uses 's'"),
+        (lambda: block(belt()).scene(T=-1), "T: is -1; give a positive finite number"),
+    ],
+)
+def test_mistakes_are_one_line(make, message):
+    with pytest.raises(bromwich.Error, match=message):
+        make()
