@@ -10,6 +10,7 @@
 #include "app/interaction.hpp"
 #include "app/log.hpp"
 #include "app/machine.hpp"
+#include "app/mechanism_output.hpp"
 #include "app/nonlinear_solve.hpp"
 #include "app/output_file.hpp"
 #include "app/output_json.hpp"
@@ -371,13 +372,20 @@ int run_solve(const SolveArguments& arguments) {
   CircuitNumbers numbers;
   if (choice.circuit) numbers = circuit_numbers(*choice.circuit, *backend, result);
   add_circuit_json(numbers, object);
+  std::string of_contacts;
+  const bool all_states = choice.mechanism && result.x.cols() == choice.scene.states();
+  if (all_states && result.status == Status::solved) {
+    const ContactReport report = contact_report(*choice.mechanism, result);
+    add_mechanism_json(*choice.mechanism, report, object);
+    of_contacts = mechanism_text(*choice.mechanism, report);
+  }
   const Facts facts = facts_of_result(result, used, object);
   if (!parts) write(files, choice, *backend, options, result, arguments.energies, facts, system ? &*system : nullptr);
   if (parts && files.out) files.out->finish(facts);
   if (files.report) write_report(files, choice, result, object);
   print(arguments.json ? dump(object)
                        : summary(choice, result, used, error, written(arguments), system ? system->method() : "") +
-                             circuit_text(numbers));
+                             circuit_text(numbers) + of_contacts);
   if (result.status == Status::solved) return exit_solved;
   report_status(result);
   return exit_not_solved;

@@ -4,6 +4,7 @@
 #include "core/base/text.hpp"
 #include "core/scene/relay.hpp"
 #include "mechanics/contact_input.hpp"
+#include "mechanics/source_values.hpp"
 
 #include <Eigen/Cholesky>
 
@@ -18,19 +19,6 @@ namespace {
 constexpr Index most_dense = 200;  ///< states, and rows of M
 
 using Entries = std::vector<Eigen::Triplet<double>>;
-
-double value_of(const TimeFunction& function, double t, double otherwise = 0) {
-  if (!function) return otherwise;
-  Vector value = Vector::Zero(1);
-  function(t, value);
-  return value[0];
-}
-
-Vector values_of(const TimeFunction& function, double t, Index size) {
-  Vector value = Vector::Zero(size);
-  if (function) function(t, value);
-  return value;
-}
 
 bool is_Jenkins(const Contact& c) { return c.kt > 0; }
 bool has_friction(const Contact& c) { return c.tangent.rows() > 0 && (c.mu > 0 || c.bound); }
@@ -334,7 +322,7 @@ Mechanism make_mechanism(Structure structure, std::vector<Contact> contacts, con
     if (contacts[i].name.empty()) contacts[i].name = text("c%zu", i);
   check_contacts(structure, contacts);
   const Rows rows(contacts, d);
-  Mechanism made{std::move(structure), std::move(contacts), rows.rows(), {}};
+  Mechanism made{std::move(structure), std::move(contacts), rows.rows(), relays, {}};
   const Structure& s = made.structure;
   std::shared_ptr<const Eigen::LLT<Matrix>> mass;
   if (rows.states() <= most_dense) mass = std::make_shared<const Eigen::LLT<Matrix>>(Matrix(s.M));

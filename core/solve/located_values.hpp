@@ -22,6 +22,10 @@ class LocatedValues {
   Vector x(double t) const;
   Vector y(double t) const;
 
+  /// The integration, in natural units, and these units.
+  const EventSolution& solution() const { return solution_; }
+  const NaturalUnits& units() const { return units_; }
+
   /// In order of time. y_i is on where it is positive between two events, above `negligible` times its largest value.
   /// The error is that of rounding; accumulated events are passed in one step, whose length it is there.
   std::vector<Switch> switches(double negligible = 1e-12) const;

@@ -24,6 +24,7 @@
 //     Jenkins           (ln,) s+, s-             (gn + ln / kn,)  R + lt,  R - lt            lt' = -kt (vt - s+ + s-)
 //     facets            (ln,) l_1 ... l_k, c     (gn + ln / kn,)  d_i·vt + c,  R - Σ l_i     lt = Σ d_i l_i
 
+#include "result.hpp"
 #include "scene.hpp"
 #include "types.hpp"
 
@@ -77,6 +78,7 @@ struct Mechanism {
   Structure structure;
   std::vector<Contact> contacts;
   std::vector<ContactRows> rows;  ///< of each contact
+  Relays relays;
   Scene scene;
 
   Index coordinates() const { return structure.M.rows(); }  ///< d
@@ -89,5 +91,51 @@ struct Mechanism {
 /// The scene of a structure with contacts: dense up to 200 states, otherwise sparse with E = diag(I, M). Rows of relays
 /// (2k) come before those of contacts. Throws Error naming the member, of a contact as "contacts[1].mu".
 Mechanism make_mechanism(Structure, std::vector<Contact>, const Relays& = {});
+
+/// What a contact does for a while.
+enum class ContactState : char { open, stick, slip };
+struct ContactPhase {
+  Index contact = 0;
+  double begin = 0, end = 0;
+  ContactState state = ContactState::open;  ///< without friction: open, or slip while it is closed
+};
+
+struct ContactImpact {
+  Index contact = 0;
+  double t = 0;
+  double normal = 0;         ///< impulse pn
+  Vector friction;           ///< pt, of each tangent
+  double loss = 0;           ///< energy, by pn; negative where Newton's law with friction raises it
+  double friction_loss = 0;  ///< energy, by pt
+};
+
+/// Of one contact over [0, T].
+struct ContactSummary {
+  double open = 0, stick = 0, slip = 0;  ///< times
+  double normal_impulse = 0;             ///< integral of ln, impacts included
+  Vector friction_impulse;               ///< integral of lt
+  double largest_normal = 0;             ///< ln outside impacts
+  Index impacts = 0;
+  double friction_loss = 0, impact_loss = 0;  ///< energies: by lt and pt, by pn
+};
+
+/// initial + supplied = stored + damping + friction + impacts, but for `error`.
+struct MechanicalEnergy {
+  double initial = 0, stored = 0;  ///< kinetic and potential energy at 0 and at T, of compliant contacts too
+  double supplied = 0;  ///< by f, by moving bodies, by relays, and by the skew part of K (circulatory forces)
+  double damping = 0, friction = 0, impacts = 0;
+  double error = 0;  ///< relative to the largest of these
+};
+
+struct ContactReport {
+  bool located = false;  ///< by located events; otherwise from the rows, with the order of the steps
+  std::vector<ContactSummary> contacts;
+  std::vector<ContactPhase> phases;    ///< of each contact in order of time
+  std::vector<ContactImpact> impacts;  ///< in order of time
+  MechanicalEnergy energy;
+};
+
+/// Of a solved result with all states. Throws Error where they were not recorded.
+ContactReport contact_report(const Mechanism&, const Result&);
 
 }  // namespace bromwich

@@ -24,6 +24,7 @@ from ._derivative import (
     QuantityGradient,
 )
 from ._dynamics import Dynamics, Kronecker
+from ._contacts import ContactImpact, ContactPhase, ContactReport, ContactSummary, MechanicalEnergy
 from ._errors import (
     DeviceError,
     DoesNotFit,
@@ -63,6 +64,10 @@ __all__ = [
     "Circuit",
     "CircuitScene",
     "Contact",
+    "ContactImpact",
+    "ContactPhase",
+    "ContactReport",
+    "ContactSummary",
     "Derivative",
     "DeviceError",
     "DoesNotFit",
@@ -78,6 +83,7 @@ __all__ = [
     "LcpResult",
     "LcpTangent",
     "Margin",
+    "MechanicalEnergy",
     "MechanicalScene",
     "Mesh",
     "NonlinearResult",

@@ -12,6 +12,7 @@ import numpy as np
 from . import _core
 from ._arrays import number, whole_number
 from ._circuit import Balance, ElementPower
+from ._contacts import ContactReport, report_of
 from ._derivative import Derivative
 from ._errors import require
 from ._io import complete, extension_of
@@ -187,6 +188,12 @@ class Result(Rows):
         found = _netlist(self, "balance").balance(self._answer, *self._between(start, end))
         elements = {name: ElementPower(*values) for name, values in found.pop("elements").items()}
         return Balance(**found, elements=elements)
+
+    @property
+    def contacts(self) -> ContactReport:
+        """Of a structure with contacts: forces, times of stick, slip and opening, impacts, and where the energy goes. Computed
+        at each call; states have to be recorded, ``states="all"``."""
+        return report_of(self)
 
     def harmonics(self, name: str, count: int, start: float | None = None, end: float | None = None) -> np.ndarray:
         """Of a circuit: complex amplitudes c_1, ..., c_count of an output over [start, end], a period P of it:

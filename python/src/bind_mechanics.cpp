@@ -1,6 +1,8 @@
 // Structures with contacts as scenes.
 
+#include "answer.hpp"
 #include "arrays.hpp"
+#include "calls.hpp"
 #include "core/base/error.hpp"
 #include "mechanics/mechanism.hpp"
 #include "mechanics/uniqueness.hpp"
@@ -20,6 +22,11 @@ namespace bromwich::python {
 namespace {
 
 using Sparse = std::tuple<Index, Index, Array1, Indices, Indices>;  // rows, columns, values, row of each, starts
+
+View owned(RowMatrix found) {
+  auto* values = new RowMatrix(std::move(found));
+  return view(*values, nb::capsule(values, [](void* p) noexcept { delete static_cast<RowMatrix*>(p); }));
+}
 
 SparseMatrix matrix(const std::optional<Sparse>& s) {
   if (!s) return {};
@@ -86,6 +93,37 @@ nb::tuple structure(const std::string& name, const Sparse& M, const std::optiona
   return nb::make_tuple(model, std::shared_ptr<const Mechanism>(mechanism));
 }
 
+const char* word(ContactState state) {
+  return state == ContactState::open ? "open" : state == ContactState::stick ? "stick" : "slip";
+}
+
+std::vector<double> list(const Vector& v) { return {v.begin(), v.end()}; }
+
+nb::dict report(const Mechanism& m, const Answer& answer) {
+  const ContactReport found = interruptible([&] {
+    Mechanism of_answer = m;
+    of_answer.scene = answer.model->scene;
+    return contact_report(of_answer, answer.result);
+  });
+  nb::list contacts, phases, impacts;
+  for (const ContactSummary& c : found.contacts)
+    contacts.append(nb::make_tuple(c.open, c.stick, c.slip, c.normal_impulse, list(c.friction_impulse),
+                                   c.largest_normal, c.impacts, c.friction_loss, c.impact_loss));
+  for (const ContactPhase& p : found.phases)
+    phases.append(nb::make_tuple(m.contacts[std::size_t(p.contact)].name, p.begin, p.end, word(p.state)));
+  for (const ContactImpact& p : found.impacts)
+    impacts.append(nb::make_tuple(m.contacts[std::size_t(p.contact)].name, p.t, p.normal, list(p.friction), p.loss,
+                                  p.friction_loss));
+  const MechanicalEnergy& e = found.energy;
+  nb::dict d;
+  d["located"] = found.located;
+  d["contacts"] = contacts;
+  d["phases"] = phases;
+  d["impacts"] = impacts;
+  d["energy"] = nb::make_tuple(e.initial, e.supplied, e.stored, e.damping, e.friction, e.impacts, e.error);
+  return d;
+}
+
 const char* word(Uniqueness u) {
   switch (u) {
     case Uniqueness::unique:
@@ -117,6 +155,22 @@ void bind_mechanics(nb::module_& m) {
                      return rows;
                    })
       .def_prop_ro("coordinates", &Mechanism::coordinates)
+      .def("report", &report, nb::arg("answer"))
+      .def(
+          "normal_forces", [](const Mechanism& s, const Answer& a) { return owned(s.normal_forces(a.result.y)); },
+          nb::arg("answer"))
+      .def(
+          "friction_forces",
+          [](const Mechanism& s, const Answer& a) {
+            return owned(s.friction_forces(a.result.t, a.result.x, a.result.y));
+          },
+          nb::arg("answer"))
+      .def_prop_ro("tangents",
+                   [](const Mechanism& s) {
+                     std::vector<Index> tangents;
+                     for (const Contact& c : s.contacts) tangents.push_back(c.tangent.rows());
+                     return tangents;
+                   })
       .def("uniqueness", [](const Mechanism& s) { return word(uniqueness(s)); });
   m.def("structure", &structure, nb::arg("name"), nb::arg("M"), nb::arg("C").none(), nb::arg("K").none(),
         nb::arg("f").none(), nb::arg("q0").none(), nb::arg("v0").none(), nb::arg("periodic"), nb::arg("T"),

@@ -47,6 +47,33 @@ def test_block_that_lifts_off_and_bounces(tmp_path):
         assert scene.names["y"] == ["belt.normal", "belt.friction", "belt.slip"]
 
 
+def test_contacts_of_a_result():
+    scene = block(belt(restitution=0.5)).scene(T=10)
+    r = bromwich.solve(scene, tol=1e-6, states="all")
+    report = r.contacts
+    assert report.located and report.energy.error < 1e-9
+    np.testing.assert_allclose(report.energy.impacts, 0.5099665386, atol=1e-8)
+    c = report["belt"]
+    np.testing.assert_allclose(c.stick + c.slip + c.open, 10, rtol=1e-12)
+    assert c.impacts == len(report.impacts) and report.impacts[0].contact == "belt"
+    np.testing.assert_allclose(report.impacts[0].t, 0.814291739, atol=2e-9)
+    assert np.all(np.abs(report.friction["belt"]) <= 0.4 * report.normal["belt"] + 1e-12)
+    with pytest.raises(bromwich.Error, match="name: found 'jaw'; choose from belt"):
+        report["jaw"]
+    with pytest.raises(bromwich.Error, match="states: were not all recorded"):
+        bromwich.solve(scene, tol=1e-3, states=[0]).contacts
+    with pytest.raises(bromwich.Error, match="contacts: the scene is no structure"):
+        bromwich.solve(bromwich.scene("bridge"), states="all").contacts
+
+
+def test_bars_of_contacts():
+    plt = pytest.importorskip("matplotlib.pyplot")
+    r = bromwich.solve(block(belt(restitution=0.5)).scene(T=10), tol=1e-6, states="all")
+    ax = r.contacts.plot()
+    assert [label.get_text() for label in ax.get_yticklabels()] == ["belt"] and ax.get_xlabel() == "t"
+    plt.close("all")
+
+
 def test_sources_may_be_functions_and_tables():
     def f(t):
         return [0.3 * np.sin(2.1 * t), -1 + 1.3 * np.cos(2.1 * t)]

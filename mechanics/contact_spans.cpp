@@ -1,0 +1,105 @@
+#include "mechanics/contact_spans.hpp"
+
+#include "core/base/error.hpp"
+#include "core/events/collocation.hpp"
+#include "core/result/located.hpp"
+#include "core/solve/located_values.hpp"
+#include "core/solve/shooting_control.hpp"
+
+#include <array>
+#include <cmath>
+
+namespace bromwich {
+
+namespace {
+
+// Gauss-Legendre on [-1, 1], eight points (Abramowitz and Stegun, table 25.4): exact for products of two polynomials
+// of degree 7.
+constexpr std::array<double, 4> points{0.1834346424956498049394761, 0.5255324099163289858177390,
+                                       0.7966664774136267395915539, 0.9602898564975362316835609};
+constexpr std::array<double, 4> point_weights{0.3626837833783619829651504, 0.3137066458778872873379622,
+                                              0.2223810344533744705443560, 0.1012285362903762591525314};
+
+Vector scaled(Vector v, const std::vector<int>& units) {
+  for (std::size_t i = 0; i < units.size(); ++i) v[Index(i)] = times_ten_to(units[i], v[Index(i)]);
+  return v;
+}
+
+class LocatedSpans {
+ public:
+  LocatedSpans(const Scene& scene, const LocatedValues& values)
+      : values_(values), B_(scene.dynamics->small_state()->B), x_(scene.x0) {}
+
+  ContactSpans all() {
+    ContactSpans found;
+    found.located = true;
+    found.first = x_;
+    for (const EventPiece& piece : values_.solution().pieces) found.spans.push_back(span(piece));
+    found.last = x_;
+    return found;
+  }
+
+ private:
+  ContactSpan span(const EventPiece& piece) {
+    const NaturalUnits& units = values_.units();
+    ContactSpan s;
+    s.begin = piece.begin, s.end = piece.end;
+    for (const EventImpulse& impulse : piece.impulses) {
+      const Vector p = scaled(impulse.p, units.y), after = x_ + B_ * p;
+      s.jumps.push_back({x_, after, p});
+      x_ = after;
+    }
+    const double half = (piece.end - piece.begin) / 2;
+    const auto at = [&](double t) { return legendre((t - piece.begin) / piece.length); };
+    for (std::size_t i = 0; i < points.size(); ++i)
+      for (const int sign : {-1, 1}) {
+        const double t = piece.begin + half * (1 + sign * points[i]);
+        s.samples.push_back({t, half * point_weights[i], scaled(piece.x.transpose() * at(t), units.x),
+                             scaled(piece.y.transpose() * at(t), units.y)});
+      }
+    s.active.assign(std::size_t(B_.cols()), 0);
+    for (const Index i : piece.active) s.active[std::size_t(i)] = 1;
+    if (piece.passed)
+      for (Index i = 0; i < B_.cols(); ++i) s.active[std::size_t(i)] = piece.y(0, i) > 0;
+    x_ = scaled(piece.x.transpose() * at(piece.end), units.x);
+    return s;
+  }
+
+  const LocatedValues& values_;
+  const Matrix B_;
+  Vector x_;
+};
+
+ContactSpans spans_of_rows(const Result& r) {
+  constexpr double negligible = 1e-12;  // of the largest value of a row
+  const RowMatrix integral = integral_of_y(r);
+  const Vector least = negligible * r.y.cwiseAbs().colwise().maxCoeff().transpose();
+  ContactSpans found;
+  found.first = r.x.row(0).transpose();
+  for (Index j = 0; j + 1 < r.t.size() && r.x.row(j + 1).allFinite(); ++j) {
+    ContactSpan s;
+    s.begin = r.t[j], s.end = r.t[j + 1];
+    const double h = s.end - s.begin;
+    s.samples.push_back({s.begin + h / 2, h, (r.x.row(j) + r.x.row(j + 1)).transpose() / 2,
+                         (integral.row(j + 1) - integral.row(j)).transpose() / h});
+    for (Index i = 0; i < r.y.cols(); ++i) s.active.push_back(r.y(j + 1, i) > least[i]);
+    found.last = r.x.row(j + 1).transpose();
+    found.spans.push_back(std::move(s));
+  }
+  return found;
+}
+
+}  // namespace
+
+ContactSpans contact_spans(const Mechanism& m, const Result& r) {
+  if (r.x.cols() != m.scene.states() || r.t.size() < 2)
+    throw Error("states", "were not all recorded", "solve with all states");
+  if (locates_switches(r)) {
+    const Scene scene = m.scene.boundary ? from_start(m.scene, r) : m.scene;
+    if (scene.dynamics->small_state())
+      if (const auto values = LocatedValues::find(scene)) return LocatedSpans(scene, *values).all();
+  }
+  return spans_of_rows(r);
+}
+
+}  // namespace bromwich
