@@ -1,5 +1,6 @@
 #include "core/accuracy/other_solution.hpp"
 
+#include "core/lcp/active_set.hpp"
 #include "core/lcp/lcp_class.hpp"
 #include "core/lcp/other_solutions.hpp"
 
@@ -41,28 +42,36 @@ std::optional<EulerStep> euler_step(const DiscreteProblem& p) {
 
 }  // namespace
 
-OtherSolution other_solution(const DiscreteProblem& p, const Result& result, const RowMatrix& x) {
+OtherSolution other_solution(const DiscreteProblem& p, const Result& result, const RowMatrix& x, bool at_corners) {
   OtherSolution found;
   const Index n = p.scene.constraints();
-  if (n == 0 || n > largest_searched || x.rows() != p.J + 1 || !x.allFinite()) return found;
+  if (n == 0 || n > (at_corners ? largest_moved : largest_searched) || x.rows() != p.J + 1 || !x.allFinite())
+    return found;
   const std::optional<EulerStep> step = euler_step(p);
   if (!step) return found;
-  found.searched = true;
+  found.searched = n <= largest_searched;
   if (!has_convex_solutions(p.lcp_class) && result.y.row(0).allFinite())
-    if (another_solution(to_dense(p.scene.M), p.start, result.y.row(0).transpose())) {
+    if (another_solution(to_dense(p.scene.M), p.start, result.y.row(0).transpose(), at_corners)) {
       found.row = 0;
       found.moves_the_state = false;
       return found;
     }
-  if (has_one_solution(classify(LcpMatrix(step->implicit)))) return found;
+  const LcpClass of_steps = classify(LcpMatrix(step->implicit));
+  if (has_one_solution(of_steps)) return found;
+  ActiveSetLcp lcp(step->implicit, of_steps);
+  // y may belong to another method than implicit Euler: two solutions of one problem are compared.
+  const auto one = [&](const Vector& q, const Vector& y) {
+    if (found.searched) return another_solution(step->implicit, q, y, at_corners);
+    Vector first;
+    return lcp.solve(q, first).solved ? std::optional(first) : std::nullopt;
+  };
   const RowMatrix f = state_input(p, RowMatrix::Zero(p.J + 1, n)), g = p.g.table();
   for (const Index j : rows_to_look_at(result.y)) {
     const Vector free = step->decay * (x.row(j - 1) + p.h * f.row(j)).transpose();
     const Vector q = p.small_state()->N * free + g.row(j).transpose(), y = result.y.row(j).transpose();
-    const auto first = another_solution(step->implicit, q, y);
+    const auto first = one(q, y);
     if (!first) continue;
-    // y may belong to another method than implicit Euler: two solutions of one problem are compared.
-    const auto second = another_solution(step->implicit, q, *first);
+    const auto second = another_solution(step->implicit, q, *first, at_corners);
     if (!second) continue;
     found.row = j;
     const Vector moved = step->drive * (*first - *second),

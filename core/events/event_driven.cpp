@@ -45,7 +45,7 @@ class EventIntegration {
         n_(system_.constraints()),
         sources_(scene),
         short_steps_(system_, sources_, T_),
-        steps_(system_, sources_, T_, o.tolerance, longest_),
+        steps_(system_, sources_, T_, longest_span(), o.tolerance, longest_),
         successor_(system_, sources_, short_steps_, steps_, T_) {
     const Vector of_x = Vector::Zero(m_), of_y = Vector::Zero(n_);
     at_.sizes.u = {of_x, of_x, of_x, of_y, of_y, of_y};
@@ -78,6 +78,12 @@ class EventIntegration {
   }
 
  private:
+  double longest_span() const {
+    double longest = 0, begin = 0;
+    for (const double t : breakpoints_) longest = std::max(longest, t - begin), begin = t;
+    return std::max(longest, T_ - begin);
+  }
+
   // Constraints on the state alone that x0 meets but for rounding: the smallest change of x0 that meets them, each
   // component relative to its size.
   void put_on_constraints() {

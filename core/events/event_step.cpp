@@ -97,18 +97,18 @@ EventSizes EventSizes::with(const EventStep& step) const {
           larger(y, step.y)};
 }
 
-EventSteps::EventSteps(const SystemMatrices& system, const EventSources& sources, double T, double tolerance,
-                       double longest)
+EventSteps::EventSteps(const SystemMatrices& system, const EventSources& sources, double T, double span,
+                       double tolerance, double longest)
     : system_(system),
       sources_(sources),
       T_(T),
       tolerance_(tolerance),
       longest_(longest),
-      by_f_within_T_(moved_within(T, system.A)),
-      by_y_within_T_((by_f_within_T_ * system.B).cwiseAbs()),
+      by_f_within_span_(moved_within(span, system.A)),
+      by_y_within_span_((by_f_within_span_ * system.B).cwiseAbs()),
       by_f_within_step_(moved_within(longest, system.A)),
       by_y_within_step_((by_f_within_step_ * system.B).cwiseAbs()) {
-  by_f_within_T_ = by_f_within_T_.cwiseAbs();
+  by_f_within_span_ = by_f_within_span_.cwiseAbs();
   by_f_within_step_ = by_f_within_step_.cwiseAbs();
 }
 
@@ -192,12 +192,13 @@ bool EventSteps::sources_agree(const SwitchedMode& mode, const JetValues& size, 
   return !((off - 30 * noise() * terms(mode.condition_terms, size)).array() > 0).any();
 }
 
-// Whether values of y that count as zero move the state within T by less than `unseen` of it, or of what y moves:
-// otherwise terms of y cancel so far, by a small entry of M say, that its sign is not known.
+// Whether values of y that count as zero move the state between two breakpoints, where their sign is chosen anew, by
+// less than `unseen` of it, or of what y moves: otherwise terms of y cancel so far, by a small entry of M say, that its
+// sign is not known.
 bool EventSteps::y_is_known(const SwitchedMode& mode, const EventPoint& p, const EventStep& step) const {
   const JetValues size = p.sizes.with(step).u;
-  const Vector moved = by_y_within_T_ * (noise() * terms(mode.y, size)), by_f = by_f_within_T_ * size.f,
-               by_y = by_y_within_T_ * larger(Vector::Zero(system_.constraints()), step.y);
+  const Vector moved = by_y_within_span_ * (noise() * terms(mode.y, size)), by_f = by_f_within_span_ * size.f,
+               by_y = by_y_within_span_ * larger(Vector::Zero(system_.constraints()), step.y);
   return moved.maxCoeff() <= unseen * size.x.cwiseMax(by_f).cwiseMax(by_y).maxCoeff();
 }
 

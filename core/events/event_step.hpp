@@ -48,8 +48,9 @@ struct EventPoint {
 
 class EventSteps {
  public:
-  /// `tolerance` and `longest` as in EventOptions. The first three have to outlive the object.
-  EventSteps(const SystemMatrices&, const EventSources&, double T, double tolerance, double longest);
+  /// `tolerance` and `longest` as in EventOptions; `span`: the longest time without a breakpoint. The first three have
+  /// to outlive the object.
+  EventSteps(const SystemMatrices&, const EventSources&, double T, double span, double tolerance, double longest);
 
   double longest_from(const EventPoint& p) const { return std::min({p.h, longest_, p.end - p.t}); }
   /// Values below this share of the sum of their terms count as zero.
@@ -80,8 +81,8 @@ class EventSteps {
   const SystemMatrices& system_;
   const EventSources& sources_;
   double T_, tolerance_, longest_;
-  /// How constant values of f and y move the state within T, and within the longest step.
-  Matrix by_f_within_T_, by_y_within_T_, by_f_within_step_, by_y_within_step_;
+  /// How constant values of f and y move the state within the span, and within the longest step.
+  Matrix by_f_within_span_, by_y_within_span_, by_f_within_step_, by_y_within_step_;
   std::vector<Eigen::PartialPivLU<ComplexMatrix>> factors_;  ///< kept as long as mode and h stay
   const SwitchedMode* factored_mode_ = nullptr;
   double factored_h_ = 0;

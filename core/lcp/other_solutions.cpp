@@ -4,6 +4,7 @@
 
 #include <Eigen/LU>
 
+#include <algorithm>
 #include <cmath>
 
 namespace bromwich {
@@ -24,34 +25,51 @@ bool solves(const Matrix& M, const Vector& q, const Vector& y) {
   return true;
 }
 
-// y moves along a null vector of M_SS, S the rows with w = 0, until a component of y or w vanishes.
-std::optional<Vector> along_a_null_vector(const Matrix& M, const Vector& q, const Vector& y) {
+// From y along d: half the way on which no component becomes negative.
+Vector half_way(const Vector& y, const Vector& d) {
+  double most = INFINITY;
+  for (Index i = 0; i < y.size(); ++i)
+    if (d[i] < 0) most = std::min(most, -y[i] / d[i]);
+  return y + 0.5 * (std::isfinite(most) ? most : std::max(y.maxCoeff(), 1.0) / d.maxCoeff()) * d;
+}
+
+// y moves along null vectors of M_SS, S the support of y, and at corners of S with one more row whose y_i and w_i are
+// zero.
+std::optional<Vector> along_a_null_vector(const Matrix& M, const Vector& q, const Vector& y, bool at_corners) {
   const Index n = y.size();
   const double size = std::max(y.cwiseAbs().maxCoeff(), 1e-300);
-  std::vector<Index> S;
+  const Vector w = M * y + q, terms = M.cwiseAbs() * y.cwiseAbs() + q.cwiseAbs();
+  std::vector<Index> support, more{-1};
   for (Index i = 0; i < n; ++i)
-    if (y[i] > least_other * size) S.push_back(i);
-  if (S.empty()) return std::nullopt;
-  const Matrix block = M(S, S);
-  Eigen::FullPivLU<Matrix> lu(block);
-  lu.setThreshold(1e-11);
-  if (lu.isInvertible()) return std::nullopt;
-  const Matrix kernel = lu.kernel();
-  for (Index c = 0; c < kernel.cols(); ++c)
-    for (const double sign : {1.0, -1.0}) {
-      Vector direction = Vector::Zero(n);
-      direction(S) = sign * kernel.col(c).normalized();
-      const Vector other = y + 0.5 * y(S).minCoeff() * direction;
-      if (solves(M, q, other)) return other;
-    }
+    if (y[i] > least_other * size)
+      support.push_back(i);
+    else if (at_corners && w[i] <= least_other * terms[i])
+      more.push_back(i);
+  for (const Index added : more) {
+    std::vector<Index> S = support;
+    if (added >= 0) S.push_back(added);
+    if (S.empty()) continue;
+    Eigen::FullPivLU<Matrix> lu(Matrix(M(S, S)));
+    lu.setThreshold(1e-11);
+    if (lu.isInvertible()) continue;
+    const Matrix kernel = lu.kernel();
+    for (Index c = 0; c < kernel.cols(); ++c)
+      for (const double sign : {1.0, -1.0}) {
+        Vector direction = Vector::Zero(n);
+        direction(S) = sign * kernel.col(c).normalized();
+        if (added >= 0 && !(direction[added] > 0)) continue;
+        const Vector other = half_way(y, direction);
+        if (solves(M, q, other)) return other;
+      }
+  }
   return std::nullopt;
 }
 
 }  // namespace
 
-std::optional<Vector> another_solution(const Matrix& M, const Vector& q, const Vector& y) {
+std::optional<Vector> another_solution(const Matrix& M, const Vector& q, const Vector& y, bool at_corners) {
   const Index n = q.size();
-  if (n > largest_searched || !q.allFinite() || !y.allFinite()) return std::nullopt;
+  if (!q.allFinite() || !y.allFinite()) return std::nullopt;
   std::optional<Vector> nearest;
   const auto consider = [&](const Vector& other) {
     const double size = std::max(other.cwiseAbs().maxCoeff(), y.cwiseAbs().maxCoeff());
@@ -59,7 +77,7 @@ std::optional<Vector> another_solution(const Matrix& M, const Vector& q, const V
     if (!(apart > distinct * size)) return;
     if (!nearest || apart < (*nearest - y).cwiseAbs().maxCoeff()) nearest = other;
   };
-  for (unsigned set = 0; set < 1u << n; ++set) {
+  for (unsigned set = 0; n <= largest_searched && set < 1u << n; ++set) {
     const std::vector<Index> S = members(set, n);
     Vector other = Vector::Zero(n);
     if (!S.empty()) {
@@ -69,7 +87,7 @@ std::optional<Vector> another_solution(const Matrix& M, const Vector& q, const V
     }
     if (solves(M, q, other)) consider(other);
   }
-  if (const auto moved = along_a_null_vector(M, q, y)) consider(*moved);
+  if (const auto moved = along_a_null_vector(M, q, y, at_corners)) consider(*moved);
   return nearest;
 }
 

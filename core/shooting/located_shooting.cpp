@@ -2,9 +2,9 @@
 
 #include "core/base/text.hpp"
 #include "core/events/collocation.hpp"
-#include "core/events/event_sources.hpp"
-#include "core/lcp/active_set.hpp"
+#include "core/shooting/divided_shooting.hpp"
 #include "core/shooting/flow_derivative.hpp"
+#include "core/shooting/shooting_matrix.hpp"
 
 #include <Eigen/Dense>
 
@@ -21,8 +21,7 @@ constexpr double stagnant_step = 1e-7;   ///< likewise: a step after which F no 
 constexpr double rounding_of_F = 1e-14;  ///< of its terms
 constexpr double small_F = 1e-6;         ///< likewise: after more, no step is the last
 constexpr double finest_flow = 1e-12;
-constexpr double least_size = 1e-3;       ///< of the largest component: sizes of others are at least that
-constexpr double singular_share = 1e-11;  ///< of the terms of E0 + ET D: singular values that are rounding
+constexpr double least_size = 1e-3;  ///< of the largest component: sizes of others are at least that
 constexpr int most_newton = 40, most_halved = 8;
 constexpr int first_periods = 2, later_periods = 20, most_periods = 150;
 constexpr double settles = 0.99;          ///< of F before some periods, at most
@@ -33,28 +32,6 @@ Vector end_of_flow(const EventSolution& s) {
   const EventPiece& last = s.pieces.back();
   return last.x.transpose() * legendre((last.end - last.begin) / last.length);
 }
-
-// E0 + ET D with rows and columns in comparable sizes.
-struct ShootingMatrix {
-  Eigen::JacobiSVD<Matrix> svd;
-  Vector rows, columns;
-  bool regular;
-
-  ShootingMatrix(const BoundaryCondition& c, const Matrix& D, const Vector& size)
-      : rows(Vector::Ones(size.size())), columns(size) {
-    Matrix K = (c.E0 + c.ET * D) * columns.asDiagonal();
-    for (Index i = 0; i < K.rows(); ++i) {
-      const double terms = (c.E0.row(i).cwiseAbs() + c.ET.row(i).cwiseAbs()).dot(size);
-      if (terms > 0) rows[i] = 1 / terms;
-    }
-    svd.compute(rows.asDiagonal() * K, Eigen::ComputeThinU | Eigen::ComputeThinV);
-    const Vector& values = svd.singularValues();
-    svd.setThreshold(values[0] > singular_share ? singular_share / values[0] : 2.0);  // 2: the rank is 0
-    regular = svd.rank() == size.size();
-  }
-  /// dx of least norm.
-  Vector solve(const Vector& F) const { return columns.asDiagonal() * svd.solve(rows.asDiagonal() * F); }
-};
 
 class LocatedShooting {
  public:
@@ -77,7 +54,10 @@ class LocatedShooting {
       const double before = now_.defect;
       const std::string why = why_;
       if (!settle(periods)) return ended();
-      if (now_.defect > settles * before) return give_up(why), ended();
+      if (now_.defect <= settles * before) continue;
+      if (newton_from_parts()) break;
+      if (solution_.interrupted) return ended();
+      give_up(why);
     }
     solution_.found = true;
     return std::move(solution_);
@@ -127,24 +107,8 @@ class LocatedShooting {
   std::optional<Iterate> flow_from(const Vector& x) {
     if (auto it = integrate(x)) return it;
     if (solution_.interrupted) return std::nullopt;
-    const Vector projected = feasible(x);
+    const Vector projected = nearest_feasible(scene_, x, size_of_states());
     return projected == x ? std::nullopt : integrate(projected);
-  }
-
-  // min |z - x| with N z + g(0) >= 0 in the rows where M is zero: z = x + N^T p, p an LCP.
-  Vector feasible(const Vector& x) const {
-    const Matrix M = to_dense(scene_.M), &N = scene_.dynamics->small_state()->N;
-    const Vector g = EventSources(scene_).g(0);
-    std::vector<Index> rows;
-    for (Index i = 0; i < M.rows(); ++i)
-      if (!(M.row(i).array() != 0).any() && N.row(i).norm() > 0) rows.push_back(i);
-    if (rows.empty()) return x;
-    const Matrix K = Vector(size_of_states()).asDiagonal() * N(rows, Eigen::all).transpose();
-    ActiveSetLcp lcp(K.transpose() * K, LcpClass::PSD);
-    Vector p;
-    const Vector w = N(rows, Eigen::all) * x + g(rows);
-    if (!lcp.solve(w, p).solved) return x;
-    return x + size_of_states().asDiagonal() * (K * p);
   }
 
   Vector size_of_states() const {
@@ -202,6 +166,16 @@ class LocatedShooting {
     return true;
   }
 
+  // Where the state does not settle, it goes around an unstable solution.
+  bool newton_from_parts() {
+    const Vector x = shoot_in_parts(scene_, c_, class_, breakpoints_, options_.events, now_.flow, size_of_states());
+    if (x.size() == 0) return false;
+    auto it = flow_from(x);
+    if (!it) return false;
+    take(std::move(*it));
+    return newton();
+  }
+
   // False where steps do not bring F down.
   bool newton() {
     for (int k = 0; k < most_newton; ++k) {
@@ -215,9 +189,11 @@ class LocatedShooting {
                                    [](const EventPiece& p) { return !p.passed && p.active.empty(); });
       const Vector dx = K.solve(-now_.F);
       const double step = (dx.cwiseAbs().array() / size_of_states().array()).maxCoeff();
-      if (!K.regular && now_.defect > rounding_of_F && !solvable(K))
+      // Where x(0) is one of several, no step of theirs need end the rounding of the flow.
+      const double zero = K.regular ? rounding_of_F : options_.events.tolerance;
+      if (!K.regular && now_.defect > zero && !solvable(K))
         return give_up("E0 + ET D is singular (D: the derivative of x(T) by x(0)), and no x(0) was found");
-      if ((step <= small_step && now_.defect <= small_F) || now_.defect <= rounding_of_F) {
+      if ((step <= small_step && now_.defect <= small_F) || now_.defect <= zero) {
         solution_.x0 = now_.x + dx;
         return true;
       }

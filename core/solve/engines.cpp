@@ -11,6 +11,7 @@
 #include "core/solve/shooting_control.hpp"
 #include "core/solve/unsolved.hpp"
 
+#include <algorithm>
 #include <string>
 
 namespace bromwich {
@@ -87,6 +88,10 @@ bool always(const Scene&, const InnerOptions&) { return true; }
 bool has_impacts(const Scene& scene, const InnerOptions&) { return bounces(scene) && !scene.boundary; }
 bool has_boundary(const Scene& scene, const InnerOptions& options) { return scene.boundary && !options.event_location; }
 
+/// Of grids that are tried where method shooting has found no x(0): states that it does not find, unstable ones and
+/// those that drift, take seconds on each finer grid and are not found there.
+constexpr Index most_after_shooting = 1600;
+
 /// One way to solve a scene. Method automatic tries those that want it, in this order, until one solves it.
 struct Engine {
   Method method;                                         ///< automatic: all methods of given steps
@@ -125,8 +130,11 @@ Result solve_reduced(const Scene& scene, Backend& backend, const InnerOptions& o
     }
     InnerOptions one = options;
     if (!named) one.method = engine.method;
+    if (!before.empty()) one.max_steps = std::min(one.max_steps, most_after_shooting);
     try {
       Result next = engine.run(scene, backend, one);
+      if (!before.empty() && next.status == Status::tolerance_not_met)
+        next.reason = before + "; method " + to_string(engine.method) + ": " + next.reason;
       if (engine.method != Method::shooting || named || ends(next)) return next;
       result = std::move(next);
     } catch (const Error& error) {

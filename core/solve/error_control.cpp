@@ -75,7 +75,6 @@ Result solve_to_tolerance(const Scene& given, Backend& backend, const InnerOptio
   if (ended_by(NoticeCode::too_many_steps) && reached(events.result) >= worth_going_on)
     events = by_events(1.25 / worth_going_on * quick);
   if (events.result.status == Status::solved || events.result.status == Status::interrupted) return events.result;
-  if (ended_by(NoticeCode::other_y)) return events.result;  // no grid decides which one it is
   Result result = by_grids(scene, backend, options);
   if (result.status == Status::solved && ended_by(NoticeCode::other_state))
     tell(result, *events.cause);  // grids go to one of them, and may all go to the same one

@@ -167,10 +167,12 @@ class EventControl {
     const Distance d = distance(a, 1, b, 1, sizes_);
     of_mean_ = !coarse.continuous || !fine.continuous;
     doubt_ = largest_share(fine.doubt, of_mean_ ? sizes_.of_mean(b) : sizes_.of_y(b));
-    of_y_ = goal_.of_y ? std::max({rounding, of_mean_ ? d.mean : d.y, doubt_}) : 0;
+    const double of_y = of_mean_ ? d.mean : d.y, most = agreed * tolerance_;
     of_x_ = goal_.of_x && a.x.cols() > 0 ? std::max(rounding, d.of_x()) : 0;
+    // Of several y with the same state none is off: what counts is whether the difference moves the state.
+    one_of_several_ = goal_.of_y && of_y > most && of_x_ <= most ? other_y(b, true) : std::nullopt;
+    of_y_ = goal_.of_y ? std::max({rounding, one_of_several_ ? motion(a, b) : of_y, doubt_}) : 0;
     if (goal_.error_of_start) add_error_of_start(fine, b);
-    y_differs_ = std::max(d.mean, of_mean_ ? 0 : d.y) > agreed * tolerance_;
   }
 
   void add_error_of_start(const EventSolution& fine, const Result& rows) {
@@ -179,15 +181,20 @@ class EventControl {
     if (goal_.of_x && rows.x.cols() > 0) of_x_ += largest_share(of_x(components_), sizes_.of_x(rows));
   }
 
-  // Two integrations with the same x and another y, or one of several y in both.
-  void look_for_other_y(bool met, Result& r) {
-    if (!met && (!y_differs_ || of_x_ > agreed * tolerance_)) return;
-    const OtherSolution other = rows_->other(r);
-    if (other.row < 0 || other.moves_the_state) return;
-    const Notice notice{.code = NoticeCode::other_y, .t = r.t[other.row]};
-    if (met) return tell(r, notice);
-    cause_ = notice;
-    r.reason = sentence(notice) + "; x alone can be asked for (--tol-x)";
+  // Of the integrals of two y: what of their difference moves the state.
+  double motion(const Result& a, const Result& b) const {
+    const Matrix& B = scene_.dynamics->small_state()->B;
+    if (B.size() == 0) return 0;
+    const Vector moved = ((a.y_integral - b.y_integral) * B.transpose()).cwiseAbs().colwise().maxCoeff(),
+                 terms = (b.y_integral.cwiseAbs() * B.cwiseAbs().transpose()).colwise().maxCoeff();
+    return (terms.array() > 0).select(moved.cwiseQuotient(terms), 0).maxCoeff();
+  }
+
+  // Another y with the state of the rows filled last.
+  std::optional<Notice> other_y(const Result& r, bool at_corners) const {
+    const OtherSolution other = rows_->other(r, at_corners);
+    if (other.row < 0 || other.moves_the_state) return std::nullopt;
+    return Notice{.code = NoticeCode::other_y, .t = r.t[other.row]};
   }
 
   void describe(const EventSolution& s, Result& r) const {
@@ -232,7 +239,8 @@ class EventControl {
     else if (!met)
       r.reason = text("integrations with tolerances of %.0e and %.0e differ by %.1e",
                       tolerances_[tolerances_.size() - 2], tolerances_.back(), error);
-    look_for_other_y(met, r);
+    if (met)
+      if (const auto other = one_of_several_ ? one_of_several_ : other_y(r, false)) tell(r, *other);
     if (!s.unique) tell(r, {NoticeCode::may_be_others});
     if (!chooses_grid() || !r.error_estimate) return r;
     ErrorEstimate e;
@@ -256,8 +264,8 @@ class EventControl {
   std::optional<EventRows> rows_;
   std::vector<double> tolerances_;  ///< of the integrations
   double of_y_ = INFINITY, of_x_ = INFINITY, doubt_ = 0;
-  bool of_mean_ = false, y_differs_ = false;
-  std::optional<Notice> cause_;
+  bool of_mean_ = false;
+  std::optional<Notice> cause_, one_of_several_;
 };
 
 }  // namespace

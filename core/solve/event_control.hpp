@@ -46,7 +46,7 @@ double first_longest_step(double T);
 /// be all jumps and kinks of the sources.
 Result solve_by_events(const Scene&, Backend&, const InnerOptions&, const ComponentSizes&, const EventGoal&);
 
-/// The same, with what ended it: too_many_steps, other_state or, where x is known and y is one of several, other_y.
+/// The same, with what ended it: too_many_steps or other_state.
 struct EventAttempt {
   Result result;
   std::optional<Notice> cause;

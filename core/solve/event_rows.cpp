@@ -68,8 +68,8 @@ double EventRows::residual(Result r) const {
   return march_residual(p_, Start::found, *g, *v, *y);
 }
 
-OtherSolution EventRows::other(const Result& r) const {
-  return has_one_solution(p_.lcp_class) ? OtherSolution{} : other_solution(p_, r, states_);
+OtherSolution EventRows::other(const Result& r, bool at_corners) const {
+  return has_one_solution(p_.lcp_class) ? OtherSolution{} : other_solution(p_, r, states_, at_corners);
 }
 
 // At a breakpoint: whether g, or f where g does not jump, has its value from the right there.

@@ -22,7 +22,7 @@ class EventRows {
   /// Of the rows filled last.
   double residual(Result) const;
   /// Likewise: whether a step has another y. Not searched where M is of class P.
-  OtherSolution other(const Result&) const;
+  OtherSolution other(const Result&, bool at_corners) const;
 
   Start start() const { return start_; }
   const Result& at_zero() const { return at_zero_; }  ///< status and counters of the problem at t = 0

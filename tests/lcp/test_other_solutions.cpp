@@ -79,6 +79,20 @@ TEST(OtherSolutions, OfASingularBlock) {
   EXPECT_FALSE(another_solution(Matrix{{1, 0}, {0, 1}}, Vector{{-1, -1}}, Vector{{1, 1}}));
 }
 
+// The same as two of ten components, from a corner of the set: the second is zero, and may grow.
+TEST(OtherSolutions, OfALargerProblemLieNextToOne) {
+  Matrix M = Matrix::Identity(10, 10);
+  Vector q = Vector::Constant(10, -1), y = Vector::Ones(10);
+  y[1] = 0;
+  EXPECT_FALSE(another_solution(M, q, Vector::Ones(10), true));
+  M(0, 1) = M(1, 0) = 1;
+  EXPECT_FALSE(another_solution(M, q, y));
+  const auto other = another_solution(M, q, y, true);
+  ASSERT_TRUE(other);
+  EXPECT_NEAR((*other)[0], 0.5, 1e-15);  // half way to the other corner
+  EXPECT_NEAR((*other)[1], 0.5, 1e-15);
+}
+
 // x' in Sgn x from 0 may stay, or leave to either side at any time.
 TEST(OtherSolutions, AreSaidOfARelayThatPushesAway) {
   Scene scene = relay_scene(Matrix{{0}}, Matrix{{-1}}, Matrix{{1}}, {}, Vector{{0}});
