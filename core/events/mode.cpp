@@ -126,6 +126,18 @@ Split split(const Matrix& U, const Jet& C) {
   return {W.topRows(rank) * U, Matrix(W.topRows(rank)) * rows, K * conditions, Matrix((K * rest).cwiseAbs()) * sum};
 }
 
+// U with U E = 0: combinations of rows of E y + C u = 0 without y. An error of E of its rounding, eps ||E||, moves them
+// by that times E^+; entries of rounding are zero, or states that rest would get coefficients of others.
+Matrix without_y(const Eigen::JacobiSVD<Matrix>& svd, Index rank) {
+  const Index rows = svd.matrixU().rows();
+  const Vector& values = svd.singularValues();
+  const Matrix U = svd.matrixU().rightCols(rows - rank).transpose();
+  if (rank == 0 || rank == rows) return U;
+  const Matrix scaled = values.head(rank).cwiseInverse().asDiagonal() * svd.matrixU().leftCols(rank).transpose();
+  const Vector rounding = 4 * double(rows) * epsilon * values[0] * scaled.colwise().norm().transpose();
+  return (U.cwiseAbs().array() > rounding.transpose().replicate(U.rows(), 1).array()).select(U, 0.0);
+}
+
 // y_S = -E^+ C, of least norm. Directions that E leaves open may not move the state. They may move w elsewhere, as of
 // relays that act alike: then the set lasts as long as w stays nonnegative.
 bool determine_y(const SystemMatrices& s, const std::vector<Index>& active, const Matrix& E,
@@ -212,7 +224,7 @@ std::optional<SwitchedMode> make_switched_mode(const SystemMatrices& s, const st
     const Vector& values = svd.singularValues();
     Index rank = 0;
     while (rank < values.size() && values[rank] > same_rank * std::max(1.0, values[0])) ++rank;
-    const Split vanish = split(svd.matrixU().rightCols(E.rows() - rank).transpose(), C);
+    const Split vanish = split(without_y(svd, rank), C);
     const Jet& constraints = vanish.constraints;
     mode.conditions = stacked(mode.conditions, vanish.conditions);
     mode.condition_terms = stacked(mode.condition_terms, vanish.terms);

@@ -117,13 +117,14 @@ Successor::Entry Successor::enter(const SwitchedMode& mode, EventPoint& p) {
   const Vector off = evaluate(mode.constraints, u);
   const Vector rounding = mode.constraints.x.cwiseAbs() * steps_.rounding_of_x(p.sizes);
   const Vector zero = 30 * steps_.noise() * terms(mode.constraints, size) + rounding;
-  const bool jumps = ((off.cwiseAbs() - zero).array() > 0).any();
+  bool jumps = ((off.cwiseAbs() - zero).array() > 0).any();
   const bool rebounds = jumps && !resting_ && system_.restitution.size() > 0;
   const Vector bounce = rebounds ? evaluate(mode.rebound, u) : Vector::Zero(off.size());
   Vector impulse = mode.impulse * (off + bounce);
   // Parts of a jump that constraints which hold would explain have no sign.
   if (jumps) impulse = (impulse.cwiseAbs().array() > (mode.impulse.cwiseAbs() * zero).array()).select(impulse, 0);
   if (jumps && !may_jump(mode, u, zero, impulse, bounce)) return Entry::refused;
+  jumps = jumps && !impulse.isZero(0);  // what is off is rounding that no impulse moves, a place at a stop say
   const Vector before = p.x;
   p.x += system_.B * impulse;
   if (jumps && !holds_behind(mode, p, impulse)) {
