@@ -5,9 +5,10 @@
 //         [--tol 1e-3 | --steps J] [--problems transient,periodic] [--tellings original,mirrored,permuted,units]
 //         [--seconds 20] [--jobs 1] [--list bad|all|none] [--files DIR] [--out FILE.json]
 //
-// Verdicts: right, missed (an error of up to three tolerances), wrong, refused, slow (stopped after --seconds of CPU
-// time), crashed, undecided (the oracle's two answers differ). With --steps errors are compared with --tol as well, for
-// information. --files: writes the scene files of what is listed. The exit code is 1 if a result is wrong or crashed.
+// Verdicts: right, missed (an error of up to three tolerances), wrong, refused, slow (a solve stopped after --seconds
+// of CPU time), crashed, undecided (the oracle's two answers differ, or take too long). With --steps errors are
+// compared with --tol as well, for information. --files: writes the scene files of what is listed. The exit code is 1
+// if a result is wrong or crashed.
 
 #include "core/build_info.hpp"
 #include "cpu/cpu_backend.hpp"
@@ -19,11 +20,13 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <csignal>
 #include <cstdio>
 #include <ctime>
 #include <exception>
 #include <fstream>
+#include <functional>
 #include <iostream>
 #include <map>
 #include <sstream>
@@ -107,44 +110,51 @@ Telling telling_of(const std::string& name) {
 
 double cpu_seconds() { return double(std::clock()) / CLOCKS_PER_SEC; }
 
-/// One scene in a process of its own, which writes its judgement to `channel`.
+void limit_cpu(double seconds) {
+  rlimit most;
+  getrlimit(RLIMIT_CPU, &most);
+  most.rlim_cur = std::min(most.rlim_max, rlim_t(cpu_seconds() + seconds) + 1);
+  setrlimit(RLIMIT_CPU, &most);
+}
+
+constexpr double patience = 60;  ///< seconds for the oracle, which integrates periodic states after the solve
+constexpr char solve_is_done = '!';
+
 ordered_json judge(const Arguments& a, const EngineeringScene& s, const KnownFlow& known, bool periodic,
-                   Telling telling, std::uint32_t seed) {
+                   Telling telling, std::uint32_t seed, const std::function<void()>& solved) {
   Options options;
   options.method = a.method, options.steps = a.steps, options.states = StateSelection::all;
   if (a.steps == 0) options.tolerance = a.tolerance;
   const auto backend = make_cpu_backend(1);
-  const double begin = cpu_seconds();
   const Retold told = retold(s, telling, seed);
-  const EngineeringTrial t = periodic ? try_periodic(s, told, options, *backend, a.tolerance)
-                                      : try_engineering(s, known, told, options, *backend, a.tolerance);
-  ordered_json json{{"verdict", t.verdict},
-                    {"status", t.status},
-                    {"method", t.method},
-                    {"steps", t.steps},
-                    {"error", t.error},
-                    {"at", t.at},
-                    {"estimate", t.estimate},
-                    {"residual", t.residual},
-                    {"residual_at", t.residual_at},
-                    {"seconds", cpu_seconds() - begin}};
+  const EngineeringTrial t = periodic ? try_periodic(s, told, options, *backend, a.tolerance, solved)
+                                      : try_engineering(s, known, told, options, *backend, a.tolerance, solved);
+  ordered_json json{{"verdict", t.verdict},   {"status", t.status},     {"method", t.method},
+                    {"steps", t.steps},       {"error", t.error},       {"at", t.at},
+                    {"estimate", t.estimate}, {"residual", t.residual}, {"residual_at", t.residual_at},
+                    {"seconds", t.seconds}};
   if (!t.reason.empty()) json["reason"] = t.reason;
   if (!t.warning.empty()) json["warning"] = t.warning;
   return json;
 }
 
+/// One scene in a process of its own, which says when the solve is done and then its judgement.
 ordered_json in_process(const Arguments& a, const EngineeringScene& s, const KnownFlow& known, bool periodic,
                         Telling telling, std::uint32_t seed) {
   int channel[2];
   if (pipe(channel) != 0) throw std::runtime_error("no pipe");
   const pid_t child = fork();
   if (child == 0) {
-    const rlim_t most = rlim_t(a.seconds) + 1, memory = rlim_t(4) << 30;
-    const rlimit cpu{most, most + 1}, space{memory, memory};
-    setrlimit(RLIMIT_CPU, &cpu), setrlimit(RLIMIT_AS, &space);
+    const rlim_t memory = rlim_t(4) << 30;
+    const rlimit space{memory, memory};
+    setrlimit(RLIMIT_AS, &space);
+    limit_cpu(a.seconds);
     std::string text;
     try {
-      text = judge(a, s, known, periodic, telling, seed).dump();
+      text = judge(a, s, known, periodic, telling, seed, [&channel] {
+               limit_cpu(patience);
+               if (write(channel[1], &solve_is_done, 1) != 1) _exit(3);
+             }).dump();
     } catch (const std::exception& error) {
       text = ordered_json{{"verdict", "crashed"}, {"reason", error.what()}}.dump();
     }
@@ -158,12 +168,15 @@ ordered_json in_process(const Arguments& a, const EngineeringScene& s, const Kno
   close(channel[0]);
   int status = 0;
   waitpid(child, &status, 0);
+  const bool solved = text.starts_with(solve_is_done);
+  if (solved) text.erase(0, 1);
   if (!text.empty()) {
     ordered_json json = ordered_json::parse(text);
     if (json.value("seconds", 0.0) > a.seconds && json["verdict"] != "wrong") json["verdict"] = "slow";
     return json;
   }
   const bool slow = WIFSIGNALED(status) && (WTERMSIG(status) == SIGXCPU || WTERMSIG(status) == SIGKILL);
+  if (solved && slow) return {{"verdict", "undecided"}, {"reason", "the oracle takes too long"}};
   return {{"verdict", slow ? "slow" : "crashed"}, {"seconds", slow ? a.seconds : 0.0}};
 }
 

@@ -9,6 +9,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <ctime>
 #include <limits>
 #include <optional>
 #include <utility>
@@ -99,14 +100,18 @@ KnownFlow known_flow(const EngineeringScene& s, const Vector& x0, double T, doub
 
 namespace {
 
-Result solved(const Retold& told, bool periodic, const Options& options, Backend& backend, EngineeringTrial& trial) {
+Result solve_retold(const Retold& told, bool periodic, const Options& options, Backend& backend,
+                    const std::function<void()>& solved, EngineeringTrial& trial) {
   Result r;
+  const std::clock_t begin = std::clock();
   try {
     r = solve(parse_scene(scene_file(told.scene, periodic), told.scene.name + ".toml").scene, backend, options);
     trial.status = to_string(r.status), trial.reason = r.reason, trial.warning = r.warning;
   } catch (const Error& error) {
     trial.status = "error", trial.reason = error.what();
   }
+  trial.seconds = double(std::clock() - begin) / CLOCKS_PER_SEC;
+  if (solved) solved();
   trial.method = to_string(r.method), trial.steps = r.steps;
   trial.estimate = r.errors ? r.errors->states : r.error_estimate.value_or(nan);
   if (trial.status != "solved") trial.verdict = "refused";
@@ -129,17 +134,18 @@ void compare(const EngineeringScene& s, const Flow& flow, const Retold& told, co
 }  // namespace
 
 EngineeringTrial try_engineering(const EngineeringScene& s, const KnownFlow& known, const Retold& told,
-                                 const Options& options, Backend& backend, double tolerance) {
+                                 const Options& options, Backend& backend, double tolerance,
+                                 const std::function<void()>& solved) {
   EngineeringTrial trial;
-  const Result r = solved(told, false, options, backend, trial);
+  const Result r = solve_retold(told, false, options, backend, solved, trial);
   if (trial.status == "solved") compare(s, known.flow, told, r, tolerance, trial);
   return trial;
 }
 
 EngineeringTrial try_periodic(const EngineeringScene& s, const Retold& told, const Options& options, Backend& backend,
-                              double tolerance) {
+                              double tolerance, const std::function<void()>& solved) {
   EngineeringTrial trial;
-  const Result r = solved(told, true, options, backend, trial);
+  const Result r = solve_retold(told, true, options, backend, solved, trial);
   if (trial.status != "solved") return trial;
   const Vector x0 = told.to_original * r.x.row(0).transpose();
   const KnownFlow known = known_flow(s, x0, s.period, 0.1 * tolerance);

@@ -6,6 +6,7 @@
 #include "core/seam/backend.hpp"
 #include "tests/support/switched_flow.hpp"
 
+#include <functional>
 #include <optional>
 #include <string>
 
@@ -31,14 +32,17 @@ struct EngineeringTrial {
   double residual =
       0;  ///< of rows: |min(y, w)| with the sources of either side, relative to the terms; NaN in y counts 1
   double residual_at = 0;
+  double seconds = 0;  ///< of CPU time, of the solve alone
   Index steps = 0;
 };
 
-/// Solves the scene file of the retold scene and compares x with the known flow of the original one.
+/// Solves the scene file of the retold scene and compares x with the known flow of the original one. `solved` is called
+/// after the solve.
 EngineeringTrial try_engineering(const EngineeringScene&, const KnownFlow&, const Retold&, const Options&, Backend&,
-                                 double tolerance);
+                                 double tolerance, const std::function<void()>& solved = {});
 /// The same for the state that repeats after a period: the flow from x(0) of the result has to follow its rows and to
 /// return. There may be several such states.
-EngineeringTrial try_periodic(const EngineeringScene&, const Retold&, const Options&, Backend&, double tolerance);
+EngineeringTrial try_periodic(const EngineeringScene&, const Retold&, const Options&, Backend&, double tolerance,
+                              const std::function<void()>& solved = {});
 
 }  // namespace bromwich::oracle
