@@ -91,13 +91,13 @@ ShortSteps::Step ShortSteps::take(double t, double h, const Vector& x, const Vec
   Step step;
   ActiveSetLcp lcp(limit_of_P_ ? regularized(problem) : problem, class_);
   step.solved = lcp.solve(q, step.y).solved;
+  step.problem = problem;
+  step.q = q;
   if (!step.solved) return step;
   step.x = x + free + moved * step.y;
   const Vector terms = problem.cwiseAbs() * step.y + q.cwiseAbs();
   for (Index i = 0; i < q.size(); ++i)
     if (step.y[i] > 0 || lcp.slack()[i] <= zero_share * terms[i]) step.zero_w.push_back(i);
-  step.problem = problem;
-  step.q = q;
   return step;
 }
 

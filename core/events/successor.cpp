@@ -168,9 +168,10 @@ Successor::Entry Successor::attempt_proposed(double h, const Vector& offset, Eve
   for (const double share : shares) {
     const ShortSteps::Step proposed = short_steps_.take(p.t, share * h, p.x, offset - share * h * rebounds);
     p.work += m * m * m + n * n * n;
-    if (!proposed.solved || !proposed.y.allFinite()) continue;
-    // Where w_i and y_i vanish, w_i = 0 may be what determines another y.
-    for (int k = 0; k < 3; ++k) {
+    if (!proposed.y.allFinite()) continue;
+    // Where w_i and y_i vanish, w_i = 0 may be what determines another y. Where large terms cancel, rounding may keep
+    // the solver from its aim; the sets that it comes to are tried all the same.
+    for (int k = 0; k < (proposed.solved ? 3 : 2); ++k) {
       const std::vector<Index> set = k == 0 ? support(proposed.y) : k == 1 ? proposed.basis() : proposed.zero_w;
       if (!tried_.insert(set).second) continue;
       const Entry entry = attempt(set, 0.5 * share * h, p);
