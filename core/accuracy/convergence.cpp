@@ -23,8 +23,6 @@ double order_of(const Result& result) {
   return result.continuous || result.method == Method::galerkin ? 2 : 3;
 }
 
-constexpr double smallest_size = 1e-3;  ///< of the largest component, that a component is measured against
-
 Vector sizes(const RowMatrix& values, Index first, const Vector& one, const Vector& seen, const ComponentSizes& how) {
   if (values.cols() == 0) return {};
   Vector largest = values.bottomRows(values.rows() - first).cwiseAbs().colwise().maxCoeff().transpose();
@@ -64,7 +62,7 @@ RowMatrix mean(const Result& result) { return integral_of_y(result) / result.t[r
 Vector ComponentSizes::of(const Vector& largest, const Vector& one) const {
   const Vector users = one.size() == largest.size() ? one : Vector::Ones(largest.size());
   if (!relative || largest.size() == 0) return users;
-  return largest.cwiseMax(std::max(smallest_size * largest.maxCoeff(), zero)) + absolute * users;
+  return largest.cwiseMax(std::max(smallest * largest.maxCoeff(), zero)) + absolute * users;
 }
 Vector ComponentSizes::of_y(const Result& r) const { return sizes(r.y, 1, one_y, seen_y, *this); }
 Vector ComponentSizes::of_mean(const Result& r) const { return sizes(mean(r), 1, one_y, {}, *this); }

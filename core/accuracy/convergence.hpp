@@ -26,6 +26,8 @@ namespace bromwich {
 /// all in natural units (core/solve/scaling.hpp), in which the terms of the equations have size 1. What rounding of
 /// these terms leaves where they cancel, such as the voltage that ideal diodes hold at 0, is no relative error.
 struct ComponentSizes {
+  static constexpr double smallest = 1e-3;  ///< of the largest component, that a component is measured against
+
   Vector one_y, one_x;  ///< what 1 in the user's units is for y (n) and for the recorded x; empty = 1
   Vector seen_y = {},
          seen_x = {};    ///< largest values between the rows, n and one for each recorded x; empty = none known

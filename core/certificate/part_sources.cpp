@@ -1,6 +1,7 @@
 #include "core/certificate/part_sources.hpp"
 
 #include "core/certificate/part_weights.hpp"
+#include "core/dynamics/dense.hpp"
 
 #include <cmath>
 
@@ -49,6 +50,53 @@ bool PartSampler::resolves(const Part& p, const PartSources& s) {
   if (!has_g_) return true;
   const double share = (one_place - part_nodes[0]) / (1 - part_nodes[0]);
   return !differs(sources_.g(t), (1 - share) * s.g[0] + share * s.g[1], size_of_g_);
+}
+
+StepSources::Parabolas::Parabolas(Index width, Index most) : size(Vector::Zero(width)) {
+  for (Matrix& c : coefficients) c.resize(width, most);
+  for (Vector& v : values) v.resize(width);
+}
+
+bool StepSources::Parabolas::add(const TimeFunction& source, double from, double to, Index step, double resolved) {
+  const double off = std::sqrt(0.15);
+  const std::array<double, 4> places{0.5 - off, 0.5, 0.5 + off, one_place};
+  for (std::size_t k = 0; k < 4; ++k) {
+    values[k].setZero();
+    source(from + places[k] * (to - from), values[k]);
+    size = size.cwiseMax(values[k].cwiseAbs());
+  }
+  for (Index i = 0; i < size.size(); ++i) {
+    const double a = values[0][i], b = values[1][i], c = values[2][i];
+    const double slope = (c - a) / (2 * off), bend = (a - 2 * b + c) / (2 * off * off);
+    const double constant = b - slope / 2 + bend / 4, linear = slope - bend;
+    if (!(std::abs(constant + one_place * (linear + one_place * bend) - values[3][i]) <= resolved * size[i]))
+      return false;
+    coefficients[0](i, step) = constant;
+    coefficients[1](i, step) = linear;
+    coefficients[2](i, step) = bend;
+  }
+  return true;
+}
+
+// What a parabola of the step misses, that of a part misses by `division`^-3 of it.
+StepSources::StepSources(const Scene& scene, Index division, Index most_steps)
+    : scene_(scene),
+      resolved_(resolved / std::pow(double(division), 3)),
+      f_(scene.f ? scene.sources() : 0, most_steps),
+      g_(scene.g ? scene.constraints() : 0, most_steps) {
+  if (scene.f && scene.f_entry != SourceEntry::state) F_ = source_matrix(scene, *scene.dynamics->small_state());
+}
+
+bool StepSources::add(double from, double to) {
+  if (scene_.f && !f_.add(scene_.f, from, to, steps_, resolved_)) return false;
+  if (scene_.g && !g_.add(scene_.g, from, to, steps_, resolved_)) return false;
+  ++steps_;
+  return true;
+}
+
+Matrix StepSources::f(std::size_t k) const {
+  const auto phi = f_.coefficients[k].leftCols(steps_).transpose();
+  return F_.size() > 0 ? Matrix(phi * F_.transpose()) : Matrix(phi);
 }
 
 }  // namespace bromwich

@@ -31,4 +31,36 @@ class PartSampler {
   Vector zero_, size_of_f_, size_of_g_;
 };
 
+/// f and g on steps of equal length without breakpoints, many at once: parabolas through three Gauss points.
+class StepSources {
+ public:
+  /// Dense dynamics; `division`: parts of a step. The scene has to outlive the object.
+  StepSources(const Scene&, Index division, Index most_steps);
+
+  bool has_f() const { return bool(scene_.f); }
+  bool has_g() const { return bool(scene_.g); }
+  Index steps() const { return steps_; }
+  void clear() { steps_ = 0; }
+  /// Another step. False: the parabolas miss the sources at one more place, and the step is not added.
+  bool add(double from, double to);
+  /// Coefficients of σ^k, k = 0, 1, 2, a row each step: steps x m and steps x n.
+  Matrix f(std::size_t k) const;
+  Matrix g(std::size_t k) const { return g_.coefficients[k].leftCols(steps_).transpose(); }
+
+ private:
+  struct Parabolas {
+    Parabolas(Index width, Index most);
+    bool add(const TimeFunction&, double from, double to, Index step, double resolved);
+    std::array<Matrix, 3> coefficients;  ///< width x steps
+    std::array<Vector, 4> values;
+    Vector size;  ///< largest values so far
+  };
+
+  const Scene& scene_;
+  double resolved_;
+  Index steps_ = 0;
+  Matrix F_;  ///< f = F phi where the scene gives phi
+  Parabolas f_, g_;
+};
+
 }  // namespace bromwich

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <map>
 
 namespace bromwich {
 
@@ -17,9 +16,9 @@ struct Mark {
   double time;
 };
 
-class StepParts {
+class Division {
  public:
-  StepParts(Index step, double begin, double end, double length, Index division, std::vector<Part>& parts)
+  Division(Index step, double begin, double end, double length, Index division, std::vector<Part>& parts)
       : step_(step), begin_(begin), end_(end), length_(length), units_(division * units), parts_(parts) {}
 
   // Between two marks, or the ends of the step. `layer`: parts behind `left` begin short.
@@ -60,30 +59,41 @@ std::array<Part, 2> halves(const Part& whole) {
   return {first, second};
 }
 
+StepParts::StepParts(const Vector& t, const std::vector<double>& breakpoints, Index division,
+                     const std::vector<double>& marks)
+    : t_(t), division_(division) {
+  const Index J = t.size() - 1;
+  near_ = same_time * (t[J] - t[0]);
+  length_ = (t[J] - t[0]) / double(J);
+  for (const double mark : marks) ends_[mark] = false;
+  for (const double b : breakpoints) ends_[b] = true;
+  next_ = ends_.begin();
+}
+
+bool StepParts::next_is_plain() const { return !jumped_ && (next_ == ends_.end() || next_->first >= t_[j_] - near_); }
+
+void StepParts::pass(std::vector<Part>* wanted) {
+  const Index j = j_++;
+  for (; next_ != ends_.end() && next_->first <= t_[j - 1] + near_; ++next_) jumped_ = jumped_ || next_->second;
+  std::vector<Part> ignored;
+  Division step(j, t_[j - 1], t_[j], length_, division_, wanted ? *wanted : ignored);
+  Mark left{0, t_[j - 1]};
+  for (; next_ != ends_.end() && next_->first < t_[j] - near_; ++next_) {
+    if (left.unit + 1 >= step.last() - 1) continue;
+    const Mark mark{step.unit_of(next_->first, left.unit + 1), next_->first};
+    step.fill(left, mark, jumped_);
+    left = mark;
+    jumped_ = next_->second;
+  }
+  if (wanted) step.fill(left, {step.last(), t_[j]}, jumped_);
+  jumped_ = false;
+}
+
 std::vector<Part> divide(const Vector& t, const std::vector<double>& breakpoints, Index division,
                          const std::vector<double>& marks) {
   std::vector<Part> parts;
-  const Index J = t.size() - 1;
-  const double near = same_time * (t[J] - t[0]), length = (t[J] - t[0]) / double(J);
-  std::map<double, bool> ends;  // whether a layer begins there
-  for (const double mark : marks) ends[mark] = false;
-  for (const double b : breakpoints) ends[b] = true;
-  auto next = ends.begin();
-  bool jumped = true;  // t = 0: x0 may be off the constraints
-  for (Index j = 1; j <= J; ++j) {
-    StepParts step(j, t[j - 1], t[j], length, division, parts);
-    Mark left{0, t[j - 1]};
-    for (; next != ends.end() && next->first <= t[j - 1] + near; ++next) jumped = jumped || next->second;
-    for (; next != ends.end() && next->first < t[j] - near; ++next) {
-      if (left.unit + 1 >= step.last() - 1) continue;
-      const Mark mark{step.unit_of(next->first, left.unit + 1), next->first};
-      step.fill(left, mark, jumped);
-      left = mark;
-      jumped = next->second;
-    }
-    step.fill(left, {step.last(), t[j]}, jumped);
-    jumped = false;
-  }
+  StepParts steps(t, breakpoints, division, marks);
+  for (Index j = 1; j < t.size(); ++j) steps.pass(&parts);
   return parts;
 }
 

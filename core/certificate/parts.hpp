@@ -6,6 +6,7 @@
 #include "../scene/source_steps.hpp"
 
 #include <array>
+#include <map>
 #include <vector>
 
 namespace bromwich {
@@ -23,8 +24,28 @@ struct Part {
 
 std::array<Part, 2> halves(const Part&);
 
-/// Increasing in time. `t`: rows of the result with equal steps; `breakpoints`: increasing; each step has `division`
-/// parts or more. `marks`: more times, increasing, at which a part ends.
+/// The parts of step after step. `t`: rows of the result with equal steps; `breakpoints`: increasing; each step has
+/// `division` parts or more. `marks`: more times at which a part ends.
+class StepParts {
+ public:
+  StepParts(const Vector& t, const std::vector<double>& breakpoints, Index division,
+            const std::vector<double>& marks = {});
+
+  /// Whether the next step has `division` equal parts: no breakpoint at its begin, and none or a mark inside.
+  bool next_is_plain() const;
+  /// Passes over the next step, and appends its parts where they are wanted.
+  void pass(std::vector<Part>* wanted = nullptr);
+
+ private:
+  const Vector& t_;
+  Index division_, j_ = 1;
+  double near_, length_;
+  std::map<double, bool> ends_;  ///< whether a layer begins there
+  std::map<double, bool>::const_iterator next_;
+  bool jumped_ = true;  ///< t = 0: x0 may be off the constraints
+};
+
+/// The parts of all steps, increasing in time.
 std::vector<Part> divide(const Vector& t, const std::vector<double>& breakpoints, Index division,
                          const std::vector<double>& marks = {});
 

@@ -48,6 +48,10 @@ Vector legendre(double at);
 /// The integrals of P_0, ..., P_s over [0, at].
 Vector legendre_integrals(double at);
 
+/// Both at many places, one row each: places x (s+1).
+Matrix legendre_rows(const Vector& at);
+Matrix legendre_integral_rows(const Vector& at);
+
 /// The first point of [0, 1] at which a polynomial, given by its Bernstein coefficients, is below -noise; 1 if it is
 /// nowhere. Exact to 2^-50: the polynomial lies in the convex hull of its coefficients, and intervals are halved until
 /// that decides.
