@@ -150,11 +150,13 @@ void count(const MarchReport& report, Result& result) {
 }
 
 void tell(const ScanReport& scan, Result& result) {
-  result.iterations = scan.passes;
-  result.history = scan.history;
-  result.kernel +=
-      text("; %td chunks of time by Newton's method on their states, %td passes", scan.chunks, scan.passes);
-  if (scan.by_pieces) result.kernel += ", steps by affine pieces";
+  if (scan.chunks > 1) {
+    result.iterations = scan.passes;
+    result.history = scan.history;
+    result.kernel +=
+        text("; %td chunks of time by Newton's method on their states, %td passes", scan.chunks, scan.passes);
+  }
+  if (scan.by_pieces) result.kernel += "; steps by affine pieces";
   if (scan.in_turn > 0)
     result.kernel += text(", which did not lead on: %td chunks marched one after another", scan.in_turn);
 }

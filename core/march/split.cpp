@@ -107,7 +107,17 @@ class SplitChunks final : public Chunks {
   SplitRows& all_;
 };
 
-MarchReport march_in_chunks(const SplitRule& rule, const ScanPlan& plan, SplitRows& all, ScanReport& scan) {
+MarchReport march_in_turn(const SplitRule& rule, const Options& options, SplitRows& all) {
+  const auto progress = [&options, J = rule.p.J](Index j) {
+    if (options.progress) options.progress({j, 0, J});
+  };
+  SplitChunk chunk(rule, 0, rule.p.J);
+  chunk.march(rule.p.scene.x0, all.y.row(0).transpose(), false, host::Poll(options.interrupted, progress), all);
+  return chunk.report;
+}
+
+MarchReport march_in_chunks(const SplitRule& rule, const ScanPlan& plan, const Options& options, SplitRows& all,
+                            ScanReport& scan) {
   const DiscreteProblem& p = rule.p;
   // Where a step has several solutions, the one taken follows from all active sets before.
   const std::vector<Index> rows = first_rows(rule.well_posed() ? chunks_of(plan, p.J) : 1, p.J);
@@ -119,6 +129,7 @@ MarchReport march_in_chunks(const SplitRule& rule, const ScanPlan& plan, SplitRo
     report.lcp_seconds = scan.seconds;
     return report;
   }
+  if (plan.chunks == 1) return march_in_turn(rule, options, all);
   SplitChunks chunks(rule, rows, stop, all);
   const auto input = [&] {
     CoarseInput in{&p.scene.dynamics, &p.scene.M, p.lcp_class, {}, p.scene.x0, p.t, rule.g, {}};
@@ -136,15 +147,6 @@ MarchReport march_in_chunks(const SplitRule& rule, const ScanPlan& plan, SplitRo
   }
   scan = solve_chunks(chunks, std::move(starts), (p.J + chunks.count() - 1) / chunks.count(), *plan.threads, stop);
   return chunks.report(scan, plan.threads->threads());
-}
-
-MarchReport march_in_turn(const SplitRule& rule, const Options& options, SplitRows& all) {
-  const auto progress = [&options, J = rule.p.J](Index j) {
-    if (options.progress) options.progress({j, 0, J});
-  };
-  SplitChunk chunk(rule, 0, rule.p.J);
-  chunk.march(rule.p.scene.x0, all.y.row(0).transpose(), false, host::Poll(options.interrupted, progress), all);
-  return chunk.report;
 }
 
 // r = g and v = N x as backend arrays: residual and trace are computed as for every march.
@@ -211,7 +213,7 @@ void solve_by_split_marching(const DiscreteProblem& p, const Options& options, R
   result.seconds.lcp += timer.lap();
   SplitRows rows = rows_for(p, result.y);
   ScanReport scan;
-  const MarchReport report = plan ? march_in_chunks(rule, *plan, rows, scan) : march_in_turn(rule, options, rows);
+  const MarchReport report = plan ? march_in_chunks(rule, *plan, options, rows, scan) : march_in_turn(rule, options, rows);
   if (report.stopped >= 0)
     for (RowMatrix* values : {&rows.y, &rows.impulse, &rows.x})
       values->bottomRows(p.J + 1 - report.stopped).setConstant(NAN);

@@ -149,19 +149,32 @@ void Methods::iterate_literally(const InnerOptions& options, Result& result) {
   solve_literally(problem_, options, result);
 }
 
+// Long marches of small scenes with given steps: one chunk of time, by the affine pieces of its steps.
+std::optional<ScanPlan> Methods::plan_of_march(const InnerOptions& options) const {
+  constexpr Index fewest_steps = 16384;  // below, pieces are found for too few
+  if (!problem_.small_state() || options.compares_grids || problem_.J < fewest_steps) return std::nullopt;
+  ScanPlan plan;
+  plan.threads = &problem_.backend;
+  plan.chunks = 1;
+  plan.interrupted = options.interrupted;
+  return plan;
+}
+
 void Methods::march(const InnerOptions& options, Result& result) {
+  const std::optional<ScanPlan> plan = plan_of_march(options);
+  const ScanPlan* const by_pieces = plan ? &*plan : nullptr;
   // Where stepping the state costs a solve a step, only what would ring keeps it from the weights.
   if (basis().rings || basis().only_in_sweeps || (!basis().continuous && !operator_->prefers_weights())) {
-    step_in_stages(2, options, result);
+    step_in_stages(2, options, result, by_pieces);
     result.kernel += "; " + basis().reason;
   } else if (operator_->takes_parts()) {
-    solve_by_split_marching(problem_, options, result);
+    solve_by_split_marching(problem_, options, result, by_pieces);
   } else if (divides_in_stages()) {
-    step_in_stages(2, options, result);
+    step_in_stages(2, options, result, by_pieces);
   } else if (const std::string why = operator_->missing_weights(); why.empty()) {
     march_by_weights(options, result);
   } else {
-    step_in_stages(2, options, result);
+    step_in_stages(2, options, result, by_pieces);
     result.kernel += "; " + why;
   }
 }

@@ -52,6 +52,7 @@ class Methods {
   };
   static const MethodOfSteps& row_of(Method);
 
+  std::optional<ScanPlan> plan_of_march(const InnerOptions&) const;
   void march(const InnerOptions&, Result&);
   void shoot(const InnerOptions&, Result&);
   void march_by_weights(const InnerOptions&, Result&);
