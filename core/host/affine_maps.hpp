@@ -10,9 +10,10 @@ namespace bromwich::pieces {
 
 inline constexpr Index most_states = 16, most_unknowns = 16, most_sources = 8;
 
+/// Matrices by columns: a product adds columns, whose entries lie side by side in vectors of the host.
 template <Index m, Index u>
 struct Maps {
-  double see[u][m] = {}, decay[m][m] = {}, drive[m][u] = {}, shown[m][u] = {};
+  double see[m][u] = {}, decay[m][m] = {}, drive[u][m] = {}, shown[u][m] = {};
   double q[u] = {}, f[m] = {}, d[m] = {};
   double of_q[most_sources][u] = {}, of_f[most_sources][m] = {}, of_d[most_sources][m] = {};
   double unit[u] = {};  ///< of Y: the matrices above and those of pieces are for a scaled problem

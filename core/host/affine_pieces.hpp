@@ -49,38 +49,59 @@ struct Walk {
     end.sets = 14695981039346656037ULL;
   }
 
+  // ---- Products with matrices by columns. Sums that are local stay in registers.
+
+  template <Index rows, Index cols>
+  static constexpr void add(const double (&A)[cols][rows], const double* x, double* to) {
+    double sum[rows];
+    for (Index i = 0; i < rows; ++i) sum[i] = to[i];
+    for (Index k = 0; k < cols; ++k)
+      for (Index i = 0; i < rows; ++i) sum[i] += A[k][i] * x[k];
+    for (Index i = 0; i < rows; ++i) to[i] = sum[i];
+  }
+  static constexpr void add_sizes(const double (&A)[u][u], const double* x, double* to) {
+    double sum[u];
+    for (Index i = 0; i < u; ++i) sum[i] = to[i];
+    for (Index k = 0; k < u; ++k)
+      for (Index i = 0; i < u; ++i) sum[i] += size(A[k][i] * x[k]);
+    for (Index i = 0; i < u; ++i) to[i] = sum[i];
+  }
+  static constexpr double largest_of(const double* q) {
+    double half[u];
+    for (Index i = 0; i < u; ++i) half[i] = size(q[i]);
+    for (Index width = u / 2; width > 0; width /= 2)
+      for (Index i = 0; i < width; ++i) half[i] = larger(half[i], half[i + width]);
+    return half[0];
+  }
+
   // ---- The problem of a step.
 
   static constexpr bool solves(const Piece<m, u>& p, const double* q, double largest, double* value, unsigned& wrong) {
     wrong = 0;
-    double least = 0;
-    for (Index i = 0; i < u; ++i) {
-      double sum = p.V[i][0] * q[0];
-      for (Index k = 1; k < u; ++k) sum += p.V[i][k] * q[k];
-      value[i] = sum;
-      least = sum < least ? sum : least;
-    }
-    if (least < -p.rounding * largest) wrong = negative(p, q, largest, value);
+    for (Index i = 0; i < u; ++i) value[i] = 0;
+    add<u>(p.V, q, value);
+    const double zero = -p.rounding * largest;
+    int below = 0;
+    for (Index i = 0; i < u; ++i) below |= value[i] < zero;
+    if (below) wrong = negative(p, q, largest, value);
     return wrong == 0 && (p.equal == 0 || holds(p, q, largest));
   }
   static constexpr unsigned negative(const Piece<m, u>& p, const double* q, double largest, const double* value) {
     unsigned wrong = 0;
-    const double part = p.rounding;
-    for (Index i = 0; i < u; ++i) {
-      if (!(value[i] < -part * largest)) continue;
-      double terms = 0;
-      for (Index k = 0; k < u; ++k) terms += size(p.V[i][k] * q[k]);
-      if (value[i] < -part * terms) wrong |= 1u << i;
-    }
+    double terms[u];
+    for (Index i = 0; i < u; ++i) terms[i] = largest;
+    add_sizes(p.V, q, terms);
+    for (Index i = 0; i < u; ++i)
+      if (value[i] < -p.rounding * terms[i]) wrong |= 1u << i;
     return wrong;
   }
   static constexpr bool holds(const Piece<m, u>& p, const double* q, double largest) {
-    for (Index i = 0; i < u; ++i) {
-      if (!(p.equal >> i & 1u)) continue;
-      double sum = 0, terms = largest;
-      for (Index k = 0; k < u; ++k) sum += p.K[i][k] * q[k], terms += size(p.K[i][k] * q[k]);
-      if (size(sum) > p.rounding * terms) return false;
-    }
+    double sum[u] = {}, terms[u];
+    for (Index i = 0; i < u; ++i) terms[i] = largest;
+    add<u>(p.K, q, sum);
+    add_sizes(p.K, q, terms);
+    for (Index i = 0; i < u; ++i)
+      if ((p.equal >> i & 1u) && size(sum[i]) > p.rounding * terms[i]) return false;
     return true;
   }
 
@@ -104,8 +125,7 @@ struct Walk {
 
   /// Y in scaled units. False: q is outside all known pieces.
   constexpr bool solve(Index kind, const double* q, double* Y, int& at) const {
-    double largest = 0;
-    for (Index i = 0; i < u; ++i) largest = larger(largest, size(q[i]));
+    const double largest = largest_of(q);
     if (g.known[kind] == 0) return false;
     unsigned wrong = 0;
     if (!solves(piece_of(kind, at), q, largest, Y, wrong) && !search(kind, q, largest, Y, wrong, at)) return false;
@@ -117,21 +137,15 @@ struct Walk {
   // ---- A step.
 
   constexpr void see(const Maps<m, u>& a, const double* c, double* q) const {
-    for (Index i = 0; i < u; ++i) {
-      double sum = a.q[i];
-      for (Index k = 0; k < m; ++k) sum += a.see[i][k] * s[k];
-      q[i] = sum;
-    }
+    for (Index i = 0; i < u; ++i) q[i] = a.q[i];
+    add<u>(a.see, s, q);
     for (Index k = 0; k < g.numbers; ++k)
       for (Index i = 0; i < u; ++i) q[i] += a.of_q[k][i] * c[k];
   }
   constexpr void move(const Maps<m, u>& a, const double* c, const double* Y, double* next) const {
-    for (Index i = 0; i < m; ++i) {
-      double sum = a.f[i], more = a.drive[i][0] * Y[0];
-      for (Index k = 0; k < m; ++k) sum += a.decay[i][k] * s[k];
-      for (Index k = 1; k < u; ++k) more += a.drive[i][k] * Y[k];
-      next[i] = sum + more;
-    }
+    for (Index i = 0; i < m; ++i) next[i] = a.f[i];
+    add<m>(a.decay, s, next);
+    add<m>(a.drive, Y, next);
     for (Index k = 0; k < g.numbers; ++k)
       for (Index i = 0; i < m; ++i) next[i] += a.of_f[k][i] * c[k];
   }
@@ -176,12 +190,8 @@ struct Walk {
 
   constexpr void follow(const Piece<m, u>& p) {
     for (Index k = 0; k < columns; ++k) {
-      double moved[m];
-      for (Index i = 0; i < m; ++i) {
-        double sum = p.P[i][0] * D[k][0];
-        for (Index l = 1; l < m; ++l) sum += p.P[i][l] * D[k][l];
-        moved[i] = sum;
-      }
+      double moved[m] = {};
+      add<m>(p.P, D[k], moved);
       for (Index i = 0; i < m; ++i) D[k][i] = moved[i];
     }
   }
@@ -194,11 +204,8 @@ struct Walk {
     for (Index i = 0; i < n && i < g.constraints; ++i) y[i] = Y[first + i] * a.unit[first + i];
     if constexpr (continuous) {
       double shown[m];
-      for (Index i = 0; i < m; ++i) {
-        double sum = s[i] + a.d[i];
-        for (Index k = 0; k < u; ++k) sum += a.shown[i][k] * Y[k];
-        shown[i] = sum;
-      }
+      for (Index i = 0; i < m; ++i) shown[i] = s[i] + a.d[i];
+      add<m>(a.shown, Y, shown);
       for (Index k = 0; k < g.numbers; ++k)
         for (Index i = 0; i < m; ++i) shown[i] += a.of_d[k][i] * c[k];
       for (Index i = 0; i < m && i < g.states; ++i) x[i] = shown[i];

@@ -19,13 +19,13 @@ class Packing {
     a.h = s.h;
     for (Index i = 0; i < s.see.rows(); ++i) {
       const Index to = at(i);
-      for (Index k = 0; k < s.see.cols(); ++k) a.see[to][k] = s.see(i, k), a.drive[k][to] = s.drive(k, i);
-      for (Index k = 0; k < s.shown.rows(); ++k) a.shown[k][to] = s.shown(k, i);
+      for (Index k = 0; k < s.see.cols(); ++k) a.see[k][to] = s.see(i, k), a.drive[to][k] = s.drive(k, i);
+      for (Index k = 0; k < s.shown.rows(); ++k) a.shown[to][k] = s.shown(k, i);
       for (Index k = 0; k < s.of_q.cols(); ++k) a.of_q[k][to] = s.of_q(i, k);
       a.q[to] = s.q[i], a.unit[to] = s.unit[i];
     }
     for (Index i = 0; i < s.decay.rows(); ++i) {
-      for (Index k = 0; k < s.decay.cols(); ++k) a.decay[i][k] = s.decay(i, k);
+      for (Index k = 0; k < s.decay.cols(); ++k) a.decay[k][i] = s.decay(i, k);
       for (Index k = 0; k < s.of_f.cols(); ++k) a.of_f[k][i] = s.of_f(i, k);
       for (Index k = 0; k < s.of_d.cols(); ++k) a.of_d[k][i] = s.of_d(i, k);
       a.f[i] = s.f[i];
@@ -40,11 +40,11 @@ class Packing {
     for (Index i = 0; i < s.V.rows(); ++i) {
       a.active |= (s.active >> i & 1u) << at(i);
       a.equal |= (s.equal >> i & 1u) << at(i);
-      for (Index k = 0; k < s.V.cols(); ++k) a.V[at(i)][at(k)] = s.V(i, k);
-      for (Index k = 0; k < s.K.cols(); ++k) a.K[at(i)][at(k)] = s.K(i, k);
+      for (Index k = 0; k < s.V.cols(); ++k) a.V[at(k)][at(i)] = s.V(i, k);
+      for (Index k = 0; k < s.K.cols(); ++k) a.K[at(k)][at(i)] = s.K(i, k);
     }
     for (Index i = 0; i < s.P.rows(); ++i)
-      for (Index k = 0; k < s.P.cols(); ++k) a.P[i][k] = s.P(i, k);
+      for (Index k = 0; k < s.P.cols(); ++k) a.P[k][i] = s.P(i, k);
     return a;
   }
 

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 #include <mutex>
+#include <optional>
 
 namespace bromwich {
 
@@ -55,6 +56,7 @@ class HostChunks final : public ChunkMarch {
     end_.assign(C, {});
     sets_.assign(C, 0);
     open_.assign(C, 1);
+    paused_ = std::vector<Paused<m>>(C);
     for (Index c = 0; c < chunks; ++c)
       for (Index i = 0; i < problem_.m; ++i) s_[std::size_t(c * m + i)] = problem_.s0[i];
     const Index longest = (steps() + chunks - 1) / chunks;
@@ -70,6 +72,7 @@ class HostChunks final : public ChunkMarch {
     std::vector<Index> marched;
     for (Index c = 0; c < states_.chunks; ++c)
       if (open_[std::size_t(c)] && !(missed_only && end_[std::size_t(c)].complete)) marched.push_back(c);
+    if (!missed_only) forget_paused();
     std::vector<ChunkMiss> misses;
     std::mutex mutex;
     share_each(threads_, Index(marched.size()), [&](Index k) {
@@ -117,18 +120,46 @@ class HostChunks final : public ChunkMarch {
  private:
   Index steps() const { return problem_.rows() - 1; }
 
+  // A single chunk needs no derivative.
+  bool march(Index c, Missed<u>& missed) { return states_.chunks > 1 ? march<m>(c, missed) : march<0>(c, missed); }
+
+  // From the begin, or from the step that was outside all known pieces.
+  template <Index columns>
   bool march(Index c, Missed<u>& missed) {
     const FlushDenormals flush;
     const std::size_t i = std::size_t(c);
-    Walk<m, u, continuous, m> walk{scene_};
-    walk.start(&s_[i * m], before_[i], 0);
-    began_[i] = before_[i];
-    const Index first = c * steps() / states_.chunks, last = (c + 1) * steps() / states_.chunks;
-    const bool complete = walk.march(maps_.front(), first, last, true, missed);
+    Paused<columns>& paused = paused_at<columns>(i);
+    if (!paused.walk) {
+      paused.walk.emplace(Walk<m, u, continuous, columns>{scene_});
+      paused.row = c * steps() / states_.chunks;
+      paused.walk->start(&s_[i * m], before_[i], 0);
+      began_[i] = before_[i];
+    }
+    Walk<m, u, continuous, columns>& walk = *paused.walk;
+    const bool complete = walk.march(maps_.front(), paused.row, (c + 1) * steps() / states_.chunks, true, missed);
     missed.chunk = c;
+    paused.row = missed.row - 1;
     end_[i] = walk.end;
-    for (Index k = 0; k < m; ++k) std::copy(walk.D[k], walk.D[k] + m, &D_[(i * m + std::size_t(k)) * m]);
+    if constexpr (columns > 0)
+      for (Index k = 0; k < m; ++k) std::copy(walk.D[k], walk.D[k] + m, &D_[(i * m + std::size_t(k)) * m]);
     return complete;
+  }
+
+  template <Index columns>
+  struct Paused {
+    std::optional<Walk<m, u, continuous, columns>> walk;
+    Index row = 0;
+  };
+  template <Index columns>
+  Paused<columns>& paused_at(std::size_t c) {
+    if constexpr (columns == 0)
+      return paused_alone_;
+    else
+      return paused_[c];
+  }
+  void forget_paused() {
+    for (auto& paused : paused_) paused.walk.reset();
+    paused_alone_.walk.reset();
   }
 
   const HostThreads& threads_;
@@ -146,6 +177,8 @@ class HostChunks final : public ChunkMarch {
   std::vector<std::uint64_t> sets_;
   std::vector<unsigned char> open_;
   States<m, u> states_;
+  std::vector<Paused<m>> paused_;  ///< by chunk
+  Paused<0> paused_alone_;         ///< of a single one
 };
 
 }  // namespace
