@@ -68,16 +68,51 @@ Matrix rounding_of_decay(const DiscreteProblem& p, Rule rule, const StepOperator
   return own + (epsilon / perturbed) * (step_operators(A + change, rule, p.h).decay - step.decay);
 }
 
-// The rounding of each step and component, rows 1..J; `terms` are the sizes of what x_j is summed from.
-RowMatrix rounding_of_steps(const DiscreteProblem& p, Rule rule, const StepOperators& step, const RowMatrix& x,
-                            const RowMatrix& terms) {
-  RowMatrix source = RowMatrix::Zero(x.rows(), x.cols());
-  source.bottomRows(p.J).noalias() = x.topRows(p.J) * rounding_of_decay(p, rule, step).transpose();
-  Signs signs;
-  for (Index j = 1; j <= p.J; ++j)
-    for (Index i = 0; i < x.cols(); ++i) source(j, i) += epsilon * (std::abs(x(j, i)) + terms(j, i)) * signs();
-  return source;
-}
+// What steps do to perturbations of a given solution, some rows at a time: a pass over the state takes little memory.
+class RowsOfSteps {
+ public:
+  static constexpr Index at_once = 512;
+
+  RowsOfSteps(const DiscreteProblem& p, Rule rule, const StepOperators& step, const RowMatrix& y, const RowMatrix& x)
+      : p_(p), step_(step), y_(y), x_(x), rounding_of_decay_(rounding_of_decay(p, rule, step)) {}
+
+  /// What y moves a state by in a step, the largest of all steps.
+  Vector moved() const {
+    const Matrix right = step_.right.cwiseAbs().transpose();
+    Vector largest = Vector::Zero(x_.cols());
+    for (Index j = 0; j < y_.rows(); j += at_once) {
+      const RowMatrix driven = y_.middleRows(j, std::min(at_once, y_.rows() - j)) * p_.small_state()->B.transpose();
+      largest = largest.cwiseMax((driven.cwiseAbs() * right).colwise().maxCoeff().transpose());
+    }
+    return largest;
+  }
+
+  /// Rows j, j + 1, ..., j >= 1.
+  void go_to(Index j) {
+    first_ = j;
+    const Index rows = std::min(at_once, p_.J + 1 - j);
+    const RowMatrix input = state_input(p_, y_, j, rows);
+    terms = input * step_.right.transpose();
+    const RowMatrix sizes = input.cwiseAbs() * step_.right.cwiseAbs().transpose();
+    rounded = x_.middleRows(j - 1, rows) * rounding_of_decay_.transpose();
+    for (Index k = 0; k < rows; ++k)
+      for (Index i = 0; i < x_.cols(); ++i)
+        rounded(k, i) += epsilon * (std::abs(x_(j + k, i)) + sizes(k, i)) * signs_();
+  }
+  bool holds(Index j) const { return first_ > 0 && j - first_ < rounded.rows(); }
+  Index place(Index j) const { return j - first_; }
+
+  RowMatrix terms;    ///< rows x m, of the sum that makes x_j
+  RowMatrix rounded;  ///< rows x m, the rounding of each step and component
+
+ private:
+  const DiscreteProblem& p_;
+  const StepOperators& step_;
+  const RowMatrix &y_, &x_;
+  const Matrix rounding_of_decay_;
+  Signs signs_;
+  Index first_ = 0;
+};
 
 bool same_set(const RowMatrix& y, Index a, Index b) { return ((y.row(a).array() > 0) == (y.row(b).array() > 0)).all(); }
 
@@ -118,30 +153,28 @@ class Growth {
     size_ = norm_(dz_);
     if (size_ < 1e-14) {  // the perturbation is gone, what is left of it is rounding: another one starts
       dz_ = start_;
-      logarithms_.push_back(gone);
+      sizes_.push_back(0);
       return;
     }
     dz_ /= size_;
-    logarithms_.push_back(std::log(size_));
+    sizes_.push_back(size_);
   }
   bool finite() const { return std::isfinite(size_); }
   /// From each step, step 0 first.
   Vector from_steps() const {
-    Vector most = Vector::Ones(Index(logarithms_.size()) + 1);
+    const Vector logarithms = Eigen::Map<const Vector>(sizes_.data(), Index(sizes_.size())).array().log();
+    Vector most = Vector::Zero(logarithms.size() + 1);
     double later = 0;
-    for (Index j = most.size() - 2; j >= 0; --j) {
-      later = std::max(0.0, later + logarithms_[std::size_t(j)]);
-      most[j] = std::exp(std::min(later, 700.0));
-    }
-    return most;
+    for (Index j = logarithms.size() - 1; j >= 0; --j)
+      most[j] = std::min(later = std::max(0.0, later + logarithms[j]), 700.0);
+    return most.array().exp();
   }
 
  private:
   const ScaledNorm& norm_;
   Vector start_, dz_, next_;
-  static constexpr double gone = -1e4;  ///< nothing of it arrives
   double size_ = 1;
-  std::vector<double> logarithms_;  ///< of the growth in each step
+  std::vector<double> sizes_;  ///< the growth in each step; 0: nothing of it arrives
 };
 
 struct GrowingMode {
@@ -210,34 +243,36 @@ Magnification magnification(const DiscreteProblem& p, Rule rule, const RowMatrix
                                                                                        : states_of(p, rule, y);
   const RowMatrix& x = states.x;
   result.correction = states.correction;
-  const RowMatrix input = state_input(p, y), driven = y * d->B.transpose(), terms = input * step.right.transpose();
-  const RowMatrix rounded = rounding_of_steps(p, rule, step, x, input.cwiseAbs() * step.right.cwiseAbs().transpose());
+  RowsOfSteps rows(p, rule, step, y, x);
   // A state that y and f hold at zero is rounding of what they move.
   constexpr double cancelled = 1e-12;
-  const RowMatrix moved = driven.cwiseAbs() * step.right.cwiseAbs().transpose();
-  result.scale = x.cwiseAbs().colwise().maxCoeff().cwiseMax(cancelled * moved.colwise().maxCoeff()).transpose();
+  result.scale = x.cwiseAbs().colwise().maxCoeff().transpose().cwiseMax(cancelled * rows.moved());
   const ScaledNorm norm(result.scale);
 
   TangentStep tangent(p, r);
   Growth growth(perturbation(result.scale), norm);
-  Vector error = epsilon * perturbation(p.scene.x0), next(error.size());
+  Vector error = epsilon * perturbation(p.scene.x0), next(error.size()), output(p.scene.constraints());
   double size = norm(p.scene.x0);
   std::vector<Index> unresolved;  // rows whose active set is not that of both their neighbours
   for (Index j = 1; j <= p.J; ++j) {
+    if (!rows.holds(j)) rows.go_to(j);
     tangent.take(y.row(j).transpose());
-    if (n > 0) result.output = std::max(result.output, rounding_margin * (tangent.gain * error).cwiseAbs().maxCoeff());
+    output.noalias() = tangent.gain * error;
+    if (n > 0) result.output = std::max(result.output, rounding_margin * output.cwiseAbs().maxCoeff());
     next.noalias() = tangent.map * error;
-    error = next + rounded.row(j).transpose();
+    error = next + rows.rounded.row(rows.place(j)).transpose();
     growth.step(tangent.map);
-    size = std::max(size, norm(x.row(j).transpose()) + norm(terms.row(j).transpose()));
+    size = std::max(size, norm(x.row(j).transpose()) + norm(rows.terms.row(rows.place(j)).transpose()));
     if (j < p.J && (!same_set(y, j, j - 1) || !same_set(y, j, j + 1))) unresolved.push_back(j);
     result.rounding = std::max(result.rounding, size > 0 ? rounding_margin * norm(error) / size : 0);
     if (!growth.finite() || !std::isfinite(norm(error))) result.rounding = INFINITY;
   }
   const Vector grown = growth.from_steps();
   result.growth = grown.maxCoeff();
-  for (const Index j : unresolved)
-    if (size > 0) result.impulse = std::max(result.impulse, grown[j] * p.h * norm(driven.row(j).transpose()) / size);
+  for (const Index j : unresolved) {
+    const double driven = norm(Vector(d->B * y.row(j).transpose()));
+    if (size > 0) result.impulse = std::max(result.impulse, grown[j] * p.h * driven / size);
+  }
   result.x = std::move(states.x);
   return result;
 }

@@ -74,54 +74,21 @@ std::vector<Collocation::Eigenvalue> eigenvalues_of(const Matrix& A) {
 Collocation make() {
   Collocation c;
   c.nodes = radau_points();
-  c.stages = legendre_rows(c.nodes);
-  c.integrals = legendre_integral_rows(c.nodes);
-  c.coefficients = legendre_rows(with_zero(c.nodes)).inverse();
+  c.stages = rows_of(c.nodes, legendre);
+  c.integrals = rows_of(c.nodes, legendre_integrals);
+  c.coefficients = rows_of(with_zero(c.nodes), legendre).inverse();
   c.derivative = derivative_matrix();
   c.samples.resize(s + 1);
   for (Index k = 0; k <= s; ++k)
     c.samples[k] = (1 - std::cos(std::numbers::pi * (double(k) + 0.5) / double(s + 1))) / 2;
-  const Matrix at_samples = legendre_rows(c.samples);
+  const Matrix at_samples = rows_of(c.samples, legendre);
   c.from_samples = at_samples.inverse();
   c.bernstein = rows_of(c.samples, bernstein_polynomials).inverse() * at_samples;
   c.checks = Vector{{0.137609, 0.381966, 0.739551}};  // irregular, and away from the samples
-  c.at_checks = legendre_rows(c.checks);
+  c.at_checks = rows_of(c.checks, legendre);
   // Polynomials of degree s - 1 on the stages: the columns of `stages` up to that degree.
   c.eigenvalues = eigenvalues_of(c.integrals.leftCols(s) * c.stages.leftCols(s).inverse());
   return c;
-}
-
-// At one place or many, a row each.
-template <int Count>
-using places = Eigen::Array<double, Count, 1>;
-template <int Count>
-using basis = Eigen::Matrix<double, Count, s + 1, Count == 1 ? Eigen::RowMajor : Eigen::ColMajor>;
-
-// P_{k+1} from those before.
-template <int Count>
-auto next_legendre(const places<Count>& z, const basis<Count>& p, Index k) {
-  return (double(2 * k + 1) * z * p.col(k).array() - double(k) * p.col(k - 1).array()) / double(k + 1);
-}
-
-template <int Count>
-basis<Count> legendre_at(const places<Count>& at) {
-  const places<Count> z = 2 * at - 1;
-  basis<Count> p(at.size(), s + 1);
-  p.col(0).setOnes();
-  p.col(1) = z;
-  for (Index k = 1; k < s; ++k) p.col(k + 1) = next_legendre<Count>(z, p, k);
-  return p;
-}
-
-template <int Count>
-basis<Count> integrals_at(const places<Count>& at) {
-  const basis<Count> p = legendre_at<Count>(at);
-  basis<Count> q(at.size(), s + 1);
-  q.col(0) = at;
-  for (Index k = 1; k < s; ++k) q.col(k) = (p.col(k + 1) - p.col(k - 1)) / (2 * double(2 * k + 1));
-  const places<Count> after = next_legendre<Count>(2 * at - 1, p, s);
-  q.col(s) = (after - p.col(s - 1).array()) / (2 * double(2 * s + 1));
-  return q;
 }
 
 }  // namespace
@@ -131,10 +98,45 @@ const Collocation& Collocation::get() {
   return c;
 }
 
-Vector legendre(double at) { return legendre_at<1>(places<1>::Constant(1, at)).row(0).transpose(); }
-Vector legendre_integrals(double at) { return integrals_at<1>(places<1>::Constant(1, at)).row(0).transpose(); }
-Matrix legendre_rows(const Vector& at) { return legendre_at<Eigen::Dynamic>(at.array()); }
-Matrix legendre_integral_rows(const Vector& at) { return integrals_at<Eigen::Dynamic>(at.array()); }
+Vector legendre(double at) {
+  const double z = 2 * at - 1;
+  Vector p(s + 1);
+  p[0] = 1;
+  p[1] = z;
+  for (Index k = 1; k < s; ++k) p[k + 1] = (double(2 * k + 1) * z * p[k] - double(k) * p[k - 1]) / double(k + 1);
+  return p;
+}
+
+Vector legendre_integrals(double at) {
+  const Vector p = legendre(at);
+  Vector q(s + 1);
+  q[0] = at;
+  for (Index k = 1; k < s; ++k) q[k] = (p[k + 1] - p[k - 1]) / (2 * double(2 * k + 1));
+  const double z = 2 * at - 1, after = (double(2 * s + 1) * z * p[s] - double(s) * p[s - 1]) / double(s + 1);
+  q[s] = (after - p[s - 1]) / (2 * double(2 * s + 1));
+  return q;
+}
+
+Matrix legendre_rows(const Vector& at) {
+  const Vector z = 2 * at.array() - 1;
+  Matrix p(at.size(), s + 1);
+  p.col(0).setOnes();
+  p.col(1) = z;
+  for (Index k = 1; k < s; ++k)
+    p.col(k + 1) = (double(2 * k + 1) * z.cwiseProduct(p.col(k)) - double(k) * p.col(k - 1)) / double(k + 1);
+  return p;
+}
+
+Matrix legendre_integral_rows(const Vector& at) {
+  const Matrix p = legendre_rows(at);
+  const Vector z = 2 * at.array() - 1;
+  const Vector after = (double(2 * s + 1) * z.cwiseProduct(p.col(s)) - double(s) * p.col(s - 1)) / double(s + 1);
+  Matrix q(at.size(), s + 1);
+  q.col(0) = at;
+  for (Index k = 1; k <= s; ++k)
+    q.col(k) = ((k < s ? Vector(p.col(k + 1)) : after) - p.col(k - 1)) / (2 * double(2 * k + 1));
+  return q;
+}
 
 double first_below(const Vector& bernstein, double noise) {
   struct Part {

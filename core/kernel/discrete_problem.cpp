@@ -20,14 +20,17 @@ std::shared_ptr<const StepOperators> state_step(const DiscreteProblem& p, Rule r
   return p.exponential_step->get([&] { return p.shared->step(rule, p.h, p.J); });
 }
 
-RowMatrix state_input(const DiscreteProblem& p, const RowMatrix& y) {
+RowMatrix state_input(const DiscreteProblem& p, const RowMatrix& y) { return state_input(p, y, 0, y.rows()); }
+
+RowMatrix state_input(const DiscreteProblem& p, const RowMatrix& y, Index first, Index rows) {
   const Matrix& B = p.small_state()->B;
-  if (const SampledSource* phi = p.drive()) return (y + phi->table()) * B.transpose();
-  RowMatrix input = y * B.transpose();
+  const auto part = y.middleRows(first, rows);
+  if (const SampledSource* phi = p.drive()) return (part + phi->rows(first, rows).table()) * B.transpose();
+  RowMatrix input = part * B.transpose();
   if (p.f.size() > 0 && p.scene.f_entry == SourceEntry::through_F)
-    input += p.f.table() * p.scene.F.transpose();
+    input += p.f.rows(first, rows).table() * p.scene.F.transpose();
   else if (p.f.size() > 0)
-    input += p.f.table();
+    input += p.f.rows(first, rows).table();
   return input;
 }
 

@@ -70,8 +70,9 @@ inline Matrix source_matrix(const DiscreteProblem& p) { return source_matrix(p.s
 /// All states x_j from y (dense dynamics), with the given defects or those of the problem.
 RowMatrix states_from(const DiscreteProblem&, Rule, const RowMatrix& y, const StepDefects* = nullptr);
 
-/// B y_j + f_j as rows in R^m (dense dynamics).
+/// B y_j + f_j as rows in R^m (dense dynamics): all, or `rows` of them.
 RowMatrix state_input(const DiscreteProblem&, const RowMatrix& y);
+RowMatrix state_input(const DiscreteProblem&, const RowMatrix& y, Index first, Index rows);
 
 /// r of the complementarity problems, without y: g + N e^{At} x0 + response to f; row 0 = N x0 + g(0). Dense dynamics,
 /// either rule.

@@ -150,7 +150,7 @@ void count(const MarchReport& report, Result& result) {
 }
 
 void tell(const ScanReport& scan, Result& result) {
-  if (scan.chunks > 1) {
+  if (result.method == Method::shooting) {
     result.iterations = scan.passes;
     result.history = scan.history;
     result.kernel +=

@@ -129,7 +129,10 @@ MarchReport march_in_chunks(const SplitRule& rule, const ScanPlan& plan, const O
     report.lcp_seconds = scan.seconds;
     return report;
   }
-  if (plan.chunks == 1) return march_in_turn(rule, options, all);
+  if (rows.size() == 2) {
+    scan.chunks = scan.passes = 1;
+    return march_in_turn(rule, options, all);
+  }
   SplitChunks chunks(rule, rows, stop, all);
   const auto input = [&] {
     CoarseInput in{&p.scene.dynamics, &p.scene.M, p.lcp_class, {}, p.scene.x0, p.t, rule.g, {}};
@@ -213,7 +216,8 @@ void solve_by_split_marching(const DiscreteProblem& p, const Options& options, R
   result.seconds.lcp += timer.lap();
   SplitRows rows = rows_for(p, result.y);
   ScanReport scan;
-  const MarchReport report = plan ? march_in_chunks(rule, *plan, options, rows, scan) : march_in_turn(rule, options, rows);
+  const MarchReport report =
+      plan ? march_in_chunks(rule, *plan, options, rows, scan) : march_in_turn(rule, options, rows);
   if (report.stopped >= 0)
     for (RowMatrix* values : {&rows.y, &rows.impulse, &rows.x})
       values->bottomRows(p.J + 1 - report.stopped).setConstant(NAN);

@@ -210,7 +210,10 @@ StageSolution march_in_chunks(const StageProblem& p, const Vector& y0, const Sca
   const SharedStop stop(plan.interrupted);
   if (plan.by_pieces)
     if (auto solution = march_stages_by_pieces(p, y0, plan, stop, report)) return std::move(*solution);
-  if (plan.chunks == 1) return march_by_stages(p, y0);
+  if (rows.size() == 2) {
+    report.chunks = report.passes = 1;
+    return march_by_stages(p, y0);
+  }
   StageChunks chunks(p, y0, rows, stop);
   CoarseStates first = coarse_states(
       plan, rows, [&] { return at_rows(p); }, p.x0, y0.size());
