@@ -66,12 +66,18 @@ struct Walk {
       for (Index i = 0; i < u; ++i) sum[i] += size(A[k][i] * x[k]);
     for (Index i = 0; i < u; ++i) to[i] = sum[i];
   }
+  template <Index width>
+  static constexpr void fold(double* values) {
+    if constexpr (width > 0) {
+      for (Index i = 0; i < width; ++i) values[i] = larger(values[i], values[i + width]);
+      fold<width / 2>(values);
+    }
+  }
   static constexpr double largest_of(const double* q) {
-    double half[u];
-    for (Index i = 0; i < u; ++i) half[i] = size(q[i]);
-    for (Index width = u / 2; width > 0; width /= 2)
-      for (Index i = 0; i < width; ++i) half[i] = larger(half[i], half[i + width]);
-    return half[0];
+    double sizes[u];
+    for (Index i = 0; i < u; ++i) sizes[i] = size(q[i]);
+    fold<u / 2>(sizes);
+    return sizes[0];
   }
 
   // ---- The problem of a step.
