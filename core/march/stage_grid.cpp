@@ -75,17 +75,20 @@ class Layers {
   void place_jumps(const DiscreteProblem& p) {
     const OneSided f(p.scene.f, p.scene.sources(), p.sources->resolution),
         g(p.scene.g, p.scene.constraints(), p.sources->resolution);
-    const auto jumps = [](const OneSided& source, const SampledSource& samples, double t, double behind, double ahead) {
-      if (samples.size() == 0 || source.width() == 0) return false;
-      const double scale = samples.values().cwiseAbs().maxCoeff();
-      return (source.after(t, ahead) - source.before(t, behind)).cwiseAbs().maxCoeff() > same_at_end * scale;
+    const auto largest = [](const OneSided& source, const SampledSource& samples) {
+      return samples.size() == 0 || source.width() == 0 ? INFINITY : samples.values().cwiseAbs().maxCoeff();
+    };
+    const double size_of_f = largest(f, p.f), size_of_g = largest(g, p.g);
+    const auto jumps = [](const OneSided& source, double size, double t, double behind, double ahead) {
+      if (std::isinf(size)) return false;
+      return (source.after(t, ahead) - source.before(t, behind)).cwiseAbs().maxCoeff() > same_at_end * size;
     };
     for (const RoughStep& rough : p.sources->rough) {
       double from = p.t[rough.step - 1], before = p.h;
       for (const double to : rough.ends) {
         const bool behind_place = before <= shortest * p.h;  // parts this short enclose a located jump
-        if ((all_ && (behind_place || jumps(f, p.f, from, before, to - from))) ||
-            jumps(g, p.g, from, before, to - from))
+        if ((all_ && (behind_place || jumps(f, size_of_f, from, before, to - from))) ||
+            jumps(g, size_of_g, from, before, to - from))
           begin_.insert(from);
         before = to - from;
         from = to;
