@@ -120,10 +120,11 @@ class Lengths {
  public:
   Lengths(const StageProblem& p, Index rows) : place_(std::size_t(rows)), kind_(std::size_t(rows), 0), sizes_{p.h} {
     rows_.resize(1);
-    std::map<long long, std::size_t> kinds{{key(1), 0}};
+    const int bits = std::min(44, 50 - std::ilogb(double(rows)));
+    std::map<long long, std::size_t> kinds{{key(1, bits), 0}};
     for (Index j = 0; j < rows; ++j) {
       const double d = j == 0 || p.lengths.empty() ? p.h : p.lengths[std::size_t(j) - 1];
-      const auto [found, added] = kinds.try_emplace(key(d / p.h), sizes_.size());
+      const auto [found, added] = kinds.try_emplace(key(d / p.h, bits), sizes_.size());
       if (added) {
         sizes_.push_back(d);
         rows_.emplace_back();
@@ -141,11 +142,12 @@ class Lengths {
   const std::vector<Index>& rows(std::size_t kind) const { return rows_[kind]; }
 
  private:
-  // Lengths that agree to 2^-44 count as equal.
-  static long long key(double part) {
+  // Lengths that agree to 2^-44 count as equal, and those that differ by the rounding of the times of their ends: that is
+  // 2^-53 of T, about, and h is a share 1 / rows of T.
+  static long long key(double part, int bits) {
     int exponent = 0;
     const double digits = std::frexp(part, &exponent);
-    return (std::llround(std::ldexp(digits, 44)) << 11) + exponent;
+    return (std::llround(std::ldexp(digits, bits)) << 11) + exponent;
   }
 
   std::vector<Index> place_;
