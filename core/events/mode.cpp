@@ -146,8 +146,13 @@ bool determine_y(const SystemMatrices& s, const std::vector<Index>& active, cons
   const Matrix open = svd.matrixV().rightCols(a - rank);
   const Matrix B = s.B(Eigen::all, active);
   if (open.cols() > 0 && (B * open).cwiseAbs().maxCoeff() > 1e-8 * B.cwiseAbs().maxCoeff()) return false;
-  const Matrix found = svd.matrixV().leftCols(rank) * svd.singularValues().head(rank).cwiseInverse().asDiagonal() *
-                       svd.matrixU().leftCols(rank).transpose();
+  // Elimination keeps zeros between blocks of E: a y_i that the others do not enter, such as the friction of an open
+  // contact, stays zero.
+  const Matrix found =
+      open.cols() == 0 && E.rows() == a
+          ? Matrix(E.partialPivLu().inverse())
+          : Matrix(svd.matrixV().leftCols(rank) * svd.singularValues().head(rank).cwiseInverse().asDiagonal() *
+                   svd.matrixU().leftCols(rank).transpose());
   // Zeros between blocks of E are known to rounding of the largest block. They are entries that a step of Newton's
   // method (Schulz) changes as much as what it leaves.
   const Matrix refined = found * (2 * Matrix::Identity(E.rows(), E.rows()) - E * found);

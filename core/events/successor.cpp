@@ -83,16 +83,32 @@ JetValues Successor::sources_at(const SwitchedMode& mode, const EventPoint& p, J
   return {p.x, start(here.sources.f, m), start(here.df, m), start(here.sources.g, n), start(dg, n), start(here.ddg, n)};
 }
 
-bool Successor::may_jump(const SwitchedMode& mode, const JetValues& u, const Vector& zero, const Vector& impulse,
-                         const Vector& bounce) const {
+// An impact elsewhere may set loaded contacts free for a moment: the force y_i of one closes its gap within 2 |p_i| /
+// y_i, and the gap has opened to (N A B)_ii p_i^2 / (2 y_i). Where that counts as zero the contact stays closed, with
+// an impulse p_i < 0 that y_i makes up for within this time: the longest of all, 0 if there is none.
+double Successor::shortest_flights(const EventPoint& p, const Vector& impulse) const {
+  constexpr double near_zero = 4;
+  double longest = 0;
+  if (p.zero_w.size() == 0) return longest;
+  for (Index i = 0; i < impulse.size(); ++i) {
+    if (!(impulse[i] < 0 && p.y[i] > 0)) continue;
+    const double opens = system_.N.row(i) * system_.A * system_.B.col(i), seen = 2 * p.y[i] * near_zero * p.zero_w[i];
+    if (opens > 0 && opens * impulse[i] * impulse[i] <= seen) longest = std::max(longest, -2 * impulse[i] / p.y[i]);
+  }
+  return longest;
+}
+
+bool Successor::may_jump(const SwitchedMode& mode, const EventPoint& p, const JetValues& u, const Vector& zero,
+                         const Vector& impulse, const Vector& bounce) const {
   // What no impulse moves has to hold; the jump has rounding of its own.
   JetValues after = u;
   after.x += system_.B * impulse;
   const Vector left = evaluate(mode.constraints, after) + bounce;
   if (((left.cwiseAbs() - 4 * zero).array() > 0).any()) return false;
-  // Impulses of y and of w are nonnegative.
-  if (impulse.minCoeff() < -nothing * impulse.cwiseAbs().maxCoeff()) return false;
-  const Vector of_w = system_.M * impulse, terms_of_w = system_.M.cwiseAbs() * impulse.cwiseAbs();
+  // Impulses of y and of w are nonnegative, but for what y makes up for at once.
+  const Vector made_up = shortest_flights(p, impulse) * p.y;
+  if (((impulse + made_up).array() < -nothing * impulse.cwiseAbs().maxCoeff()).any()) return false;
+  const Vector of_w = system_.M * (impulse + made_up), terms_of_w = system_.M.cwiseAbs() * impulse.cwiseAbs();
   return !((of_w + nothing * terms_of_w).array() < 0).any();
 }
 
@@ -123,7 +139,7 @@ Successor::Entry Successor::enter(const SwitchedMode& mode, EventPoint& p) {
   Vector impulse = mode.impulse * (off + bounce);
   // Parts of a jump that constraints which hold would explain have no sign.
   if (jumps) impulse = (impulse.cwiseAbs().array() > (mode.impulse.cwiseAbs() * zero).array()).select(impulse, 0);
-  if (jumps && !may_jump(mode, u, zero, impulse, bounce)) return Entry::refused;
+  if (jumps && !may_jump(mode, p, u, zero, impulse, bounce)) return Entry::refused;
   jumps = jumps && !impulse.isZero(0);  // what is off is rounding that no impulse moves, a place at a stop say
   const Vector before = p.x;
   p.x += system_.B * impulse;

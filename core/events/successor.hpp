@@ -64,7 +64,8 @@ class Successor {
   Choice choose_proposed(EventPoint& p, bool y_is_known, const std::optional<std::vector<Index>>& likely);
   Choice choose_of_all(EventPoint& p);
   Vector rebound(const EventPoint&, const Vector& offset);
-  bool may_jump(const SwitchedMode&, const JetValues& u, const Vector& zero, const Vector& impulse,
+  double shortest_flights(const EventPoint&, const Vector& impulse) const;
+  bool may_jump(const SwitchedMode&, const EventPoint&, const JetValues& u, const Vector& zero, const Vector& impulse,
                 const Vector& bounce) const;
   bool holds_behind(const SwitchedMode&, EventPoint&, const Vector& impulse);
   Entry enter(const SwitchedMode&, EventPoint&);

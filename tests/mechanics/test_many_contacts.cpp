@@ -1,0 +1,158 @@
+// Several contacts at once by located events: against time stepping that shares no code, with the balance of energy,
+// and in mirrors. Chains of blocks on belts, and random structures.
+
+#include "tests/mechanics/mechanisms.hpp"
+#include "tests/mechanics/moreau_jean.hpp"
+
+#include <gtest/gtest.h>
+
+#include <random>
+
+namespace bromwich {
+namespace {
+
+using oracle::moreau_jean;
+
+// Located events against two solutions of time stepping: their difference is about the error of the finer one, of order
+// one. An impact in another step changes it by a few steps times the velocity, which is below 5.
+void expect_motion(const Mechanism& m) {
+  constexpr double step = 1e-3, velocity = 5;
+  const double T = m.structure.T;
+  const Result r = located(m.scene);
+  ASSERT_EQ(r.status, Status::solved) << r.reason;
+  const Index d = m.coordinates();
+  const Vector coarse = moreau_jean(m, T, 2 * step).q, fine = moreau_jean(m, T, step).q;
+  const double error = (fine - coarse).cwiseAbs().maxCoeff();
+  EXPECT_LE((last_state(r).head(d) - fine).cwiseAbs().maxCoeff(), 4 * error + velocity * step);
+  const ContactReport report = contact_report(m, r);
+  EXPECT_TRUE(report.located);
+  EXPECT_LE(report.energy.error, 1e-9);
+  for (std::size_t i = 0; i < m.contacts.size(); ++i) {  // no force pulls, no friction is above mu ln, no gap is closed
+    const Vector ln = m.normal_forces(r.y).col(Index(i));
+    EXPECT_GE(ln.minCoeff(), -1e-9);
+    if (m.contacts[i].kn == 0) {
+      const Vector gap = (r.x.leftCols(d) * m.contacts[i].normal).array() + [&] {
+        Vector g = Vector::Zero(1);
+        if (m.contacts[i].gap) m.contacts[i].gap(0, g);
+        return g[0];
+      }();
+      EXPECT_GE(gap.minCoeff(), -1e-9) << m.contacts[i].name;
+    }
+  }
+}
+
+// Blocks with springs between them, each on a belt of its own; the loads come one after the other.
+Mechanism chain(Index blocks, double restitution) {
+  const Index d = 2 * blocks;
+  Matrix K = Matrix::Zero(d, d);
+  std::vector<Contact> contacts;
+  for (Index i = 0; i < blocks; ++i) {
+    const Index x = 2 * i, z = x + 1;
+    K(x, x) += 2, K(z, z) += 1.5, K(x, z) -= 0.6, K(z, x) -= 0.6;
+    if (i + 1 < blocks) K(x, x) += 1, K(x + 2, x + 2) += 1, K(x, x + 2) -= 1, K(x + 2, x) -= 1;
+    Contact c = belt(restitution);
+    c.normal = Vector::Unit(d, z);
+    c.tangent = Vector::Unit(d, x).transpose();
+    contacts.push_back(c);
+  }
+  Structure s;
+  s.M = sparse(Matrix::Identity(d, d)), s.K = sparse(K);
+  s.C = sparse(Matrix(0.04 * Matrix::Identity(d, d) + 0.01 * K));
+  s.f = forces([d](double t) {
+    Vector f(d);
+    for (Index i = 0; i < d / 2; ++i) {
+      f[2 * i] = 0.3 * std::sin(2.1 * t + double(i));
+      f[2 * i + 1] = -1 + 1.3 * std::cos(2.1 * t + 0.7 * double(i));
+    }
+    return f;
+  });
+  s.T = 4;
+  s.breakpoints_are_all = true;
+  return make_mechanism(s, contacts);
+}
+
+TEST(ManyContacts, ChainsOfBlocks) {
+  for (const Index blocks : {2, 4, 8})
+    for (const double e : {0.0, 0.5}) {
+      SCOPED_TRACE(testing::Message() << blocks << " blocks, e = " << e);
+      expect_motion(chain(blocks, e));
+    }
+}
+
+struct Drawn {
+  Structure structure;
+  std::vector<Contact> contacts;
+};
+
+Drawn random_structure(std::uint32_t seed) {
+  std::mt19937 random(seed);
+  std::normal_distribution<double> normal;
+  const auto pick = [&](const std::vector<double>& values) { return values[random() % values.size()]; };
+  const auto draw = [&](Index rows, Index cols) {
+    Matrix m(rows, cols);
+    for (double& value : m.reshaped()) value = normal(random);
+    return m;
+  };
+  const Index contacts = 1 + Index(seed % 5), d = 2 * contacts + Index(random() % 3);
+  Drawn drawn;
+  Structure& s = drawn.structure;
+  const Matrix R = draw(d, d), S = draw(d, d), I = Matrix::Identity(d, d);
+  s.M = sparse(random() % 2 ? I : Matrix(I + 0.3 * R * R.transpose() / double(d)));
+  s.K = sparse(Matrix(S * S.transpose() / double(d) + I));
+  s.C = sparse(Matrix(0.05 * I + 0.02 * Matrix(s.K)));
+  const Vector a = draw(d, 1), b = 0.7 * draw(d, 1), phase = 3 * draw(d, 1);
+  const double rate = 1 + double(random() % 300) / 100;
+  s.f = forces([=](double t) { return Vector(a.array() * (rate * t + phase.array()).sin() + b.array()); });
+  s.T = 4;
+  s.breakpoints_are_all = true;
+  for (Index i = 0; i < contacts; ++i) {
+    Contact c;
+    const bool along = random() % 2;
+    c.normal = along ? Vector(Vector::Unit(d, 2 * i + 1)) : Vector(draw(d, 1).normalized());
+    c.mu = pick({0, 0.1, 0.3, 0.6, 1, 1.5});
+    if (c.mu > 0) {
+      c.tangent = along ? Matrix(Vector::Unit(d, 2 * i).transpose()) : Matrix(draw(1, d).normalized());
+      c.velocity = always(pick({0, 0.4, -0.7}));
+    }
+    c.gap = always(pick({0, 0.05, 0.3}));
+    if (random() % 4 == 0)
+      c.kn = pick({10, 100});
+    else
+      c.restitution = pick({0, 0, 0.3, 0.6, 0.9});
+    drawn.contacts.push_back(c);
+  }
+  return drawn;
+}
+
+class RandomStructure : public testing::TestWithParam<int> {};
+
+TEST_P(RandomStructure, MovesAsTimeSteppingSays) {
+  for (std::uint32_t seed = 8 * std::uint32_t(GetParam()); seed < 8 * std::uint32_t(GetParam() + 1); ++seed) {
+    SCOPED_TRACE(testing::Message() << "seed " << seed);
+    const Drawn drawn = random_structure(seed);
+    expect_motion(make_mechanism(drawn.structure, drawn.contacts));
+  }
+}
+INSTANTIATE_TEST_SUITE_P(Seeds, RandomStructure, testing::Range(0, 5));
+
+// Tangents and velocities of the other bodies with other signs: the same motion.
+TEST(ManyContacts, TurnedTangentsChangeNothing) {
+  for (const std::uint32_t seed : {2u, 3u, 8u, 13u}) {
+    Drawn drawn = random_structure(seed);
+    const Vector x = last_state(located(make_mechanism(drawn.structure, drawn.contacts).scene));
+    for (Contact& c : drawn.contacts) {
+      c.tangent = -c.tangent;
+      if (c.velocity)
+        c.velocity = forces([V = c.velocity](double t) {
+          Vector value(1);
+          V(t, value);
+          return Vector(-value);
+        });
+    }
+    const Vector y = last_state(located(make_mechanism(drawn.structure, drawn.contacts).scene));
+    EXPECT_LE((x - y).cwiseAbs().maxCoeff(), 1e-7) << seed;  // impacts enlarge differences of 1e-10
+  }
+}
+
+}  // namespace
+}  // namespace bromwich
