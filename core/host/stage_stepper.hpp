@@ -142,8 +142,8 @@ class Lengths {
   const std::vector<Index>& rows(std::size_t kind) const { return rows_[kind]; }
 
  private:
-  // Lengths that agree to 2^-44 count as equal, and those that differ by the rounding of the times of their ends: that is
-  // 2^-53 of T, about, and h is a share 1 / rows of T.
+  // Lengths that agree to 2^-44 count as equal, and those that differ by the rounding of the times of their ends: that
+  // is 2^-53 of T, about, and h is a share 1 / rows of T.
   static long long key(double part, int bits) {
     int exponent = 0;
     const double digits = std::frexp(part, &exponent);
