@@ -23,7 +23,7 @@ std::string contact_text(const Contact& c) {
   return normal + ", " + friction_text(c);
 }
 
-const char* to_text(Uniqueness u) {
+const char* sentence_of(Uniqueness u) {
   switch (u) {
     case Uniqueness::unique:
       return "one solution: the problem of velocities is of class P";
@@ -35,20 +35,6 @@ const char* to_text(Uniqueness u) {
       break;
   }
   return "not looked at: too many contacts";
-}
-
-const char* word(Uniqueness u) {
-  switch (u) {
-    case Uniqueness::unique:
-      return "unique";
-    case Uniqueness::forces_open:
-      return "unique-motion";
-    case Uniqueness::none_known:
-      return "unknown";
-    case Uniqueness::too_many:
-      break;
-  }
-  return "not-tested";
 }
 
 }  // namespace
@@ -66,7 +52,7 @@ std::vector<std::pair<std::string, std::string>> mechanism_facts(const Mechanism
     }
     facts.emplace_back("contact", m.contacts[i].name + ": " + contact_text(m.contacts[i]));
   }
-  if (!m.contacts.empty()) facts.emplace_back("uniqueness", to_text(uniqueness(m)));
+  if (!m.contacts.empty()) facts.emplace_back("uniqueness", sentence_of(uniqueness(m)));
   return facts;
 }
 
@@ -82,7 +68,7 @@ Json mechanism_json(const Mechanism& m) {
                         {"friction_row", row(r.friction)},
                         {"spring_state", row(r.state)}});
   }
-  return {{"coordinates", m.coordinates()}, {"uniqueness", word(uniqueness(m))}, {"contacts", contacts}};
+  return {{"coordinates", m.coordinates()}, {"uniqueness", to_string(uniqueness(m))}, {"contacts", contacts}};
 }
 
 }  // namespace bromwich::app

@@ -83,6 +83,7 @@ Ended ended(const Scene& scene, Method method, Index steps, Backend& backend, co
   InnerOptions options;
   options.method = method, options.steps = steps, options.states = StateSelection::all, options.confirm = false;
   options.chunks = a.chunks, options.coarse_start = !a.cold;
+  options.by_pieces = method == Method::shooting;  // beside steps that are solved one by one
   return study::ended([&] { return solve_valid(scene, backend, options); });
 }
 

@@ -98,4 +98,18 @@ Uniqueness uniqueness(const Mechanism& m) {
   return Choices(m).result();
 }
 
+const char* to_string(Uniqueness u) {
+  switch (u) {
+    case Uniqueness::unique:
+      return "unique";
+    case Uniqueness::forces_open:
+      return "unique-motion";
+    case Uniqueness::none_known:
+      return "unknown";
+    case Uniqueness::too_many:
+      break;
+  }
+  return "not-tested";
+}
+
 }  // namespace bromwich

@@ -19,5 +19,7 @@ enum class Uniqueness : char {
 };
 
 Uniqueness uniqueness(const Mechanism&);
+/// unique, unique-motion, unknown, not-tested.
+const char* to_string(Uniqueness);
 
 }  // namespace bromwich

@@ -37,7 +37,7 @@ HERE = Path(__file__).resolve().parent
 # What CMake reads for the package.
 PARTS = ("CMakeLists.txt", "LICENSE", "app", "bench/studies", "circuits", "cmake", "core", "cpu", "examples", "files", "kernels", "mpi")
 PARTS += ("python/CMakeLists.txt", "python/cuda.cmake", "python/src", "python/stubs.py", "python/variants.cmake")
-PARTS += ("batch", "catalogue", "derivatives", "include", "nonlinear", "ranks", "complementarity")
+PARTS += ("batch", "catalogue", "derivatives", "include", "mechanics", "nonlinear", "ranks", "complementarity")
 PARTS += ("docs/scene.schema.json", "report", "scripts/install-deps", "third_party")
 SKIPPED = shutil.ignore_patterns("__pycache__", "*.pyc", "build", "*.so", "*.pyi")
 

@@ -69,17 +69,20 @@ void Distances::add_inside(const EventPiece& piece, Index j, const Eigen::Ref<co
   include(effect_size_, true_effect);
   include(mean_off_, integral);
   const RowMatrix true_x = basis * piece.x;
-  for (Index k = 0; k < rows; ++k) {
-    x_size_ = x_size_.cwiseMax(x.row(k).cwiseAbs().transpose()).cwiseMax(true_x.row(k).cwiseAbs().transpose());
-    const double least = ComponentSizes::smallest * x_size_.maxCoeff();
-    double worst = 0;
-    for (Index i = 0; i < x_size_.size(); ++i) {
-      const double off = std::abs(true_x(k, i) - x(k, i));
-      x_off_[i] = std::max(x_off_[i], off);
-      if (off > 0) worst = std::max(worst, off / std::max({x_size_[i], least, no_size * T_ * effect_size_[i]}));
-    }
-    of_rows_.push_back(worst);
-  }
+  const RowMatrix off = (true_x - x).cwiseAbs();
+  for (Index k = 0; k < rows; ++k) add_state(x.row(k).transpose(), true_x.row(k).transpose(), off.row(k).transpose());
+}
+
+// A row of states, and how far they are off. Sizes are those of the values so far.
+template <class A, class B, class C>
+void Distances::add_state(const A& x, const B& true_x, const C& off) {
+  x_size_ = x_size_.cwiseMax(x.cwiseAbs()).cwiseMax(true_x.cwiseAbs());
+  x_off_ = x_off_.cwiseMax(off);
+  const double least = ComponentSizes::smallest * x_size_.maxCoeff();
+  double worst = 0;
+  for (Index i = 0; i < x_size_.size(); ++i)
+    if (off[i] > 0) worst = std::max(worst, off[i] / std::max({x_size_[i], least, no_size * T_ * effect_size_[i]}));
+  of_rows_.push_back(worst);
 }
 
 void Distances::add_row(Index j, const Vector& x) {
@@ -93,10 +96,8 @@ void Distances::add_row(Index j, const Vector& x) {
   const Vector integral = y_.integral().row(j).transpose();
   mean_off_ = mean_off_.cwiseMax(
       outside(located_.integral_of_y(before, true), located_.integral_of_y(behind, false), integral));
-  const Vector true_x = located_.x(behind, false), off = outside(located_.x(before, true), true_x, x);
-  x_off_ = x_off_.cwiseMax(off);
-  x_size_ = x_size_.cwiseMax(x.cwiseAbs()).cwiseMax(true_x.cwiseAbs());
-  of_rows_.push_back(largest_share(off, size_of_x()));
+  const Vector true_x = located_.x(behind, false);
+  add_state(x, true_x, outside(located_.x(before, true), true_x, x));
 }
 
 void Distances::summarise(const Defect& defect, Certificate& c) const {
@@ -104,7 +105,7 @@ void Distances::summarise(const Defect& defect, Certificate& c) const {
   const Vector least_y =
       (defect.answers().array() > 0).select(no_size * defect.terms().cwiseQuotient(defect.answers()), 0.0);
   const Vector size_of_effect = sizes.of(effect_size_).cwiseMax(effect_.cwiseAbs() * least_y);
-  c.error_of_x = largest_share(x_off_, size_of_x());
+  c.error_of_x = largest_share(x_off_, sizes.of(x_size_).cwiseMax(no_size * T_ * effect_size_.head(x_size_.size())));
   std::vector<double> rows = of_rows_;
   const auto place = rows.begin() + std::ptrdiff_t(rows.size() - 1 - rows.size() / one_of);
   std::nth_element(rows.begin(), place, rows.end());
@@ -113,11 +114,6 @@ void Distances::summarise(const Defect& defect, Certificate& c) const {
       std::min(largest_share(y_off_, sizes.of(y_size_).cwiseMax(least_y)), largest_share(effect_off_, size_of_effect));
   c.error_of_mean = largest_share(mean_off_ / T_, sizes.of_mean(r_).cwiseMax(least_y));
   c.impulses = located_.jumps > 0;
-}
-
-// Of the values so far.
-Vector Distances::size_of_x() const {
-  return ComponentSizes().of(x_size_).cwiseMax(no_size * T_ * effect_size_.head(x_size_.size()));
 }
 
 }  // namespace bromwich

@@ -24,7 +24,8 @@ class Distances {
   Index rows_inside(const EventPiece&, Index j, Index rows) const;
   void add_inside(const EventPiece&, Index j, const Eigen::Ref<const RowMatrix>& x);
   void add_row(Index j, const Vector& x);
-  Vector size_of_x() const;
+  template <class A, class B, class C>
+  void add_state(const A& x, const B& true_x, const C& off);
 
   const EventSolution& located_;
   const double T_;

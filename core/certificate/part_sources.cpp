@@ -1,7 +1,7 @@
 #include "core/certificate/part_sources.hpp"
 
-#include "core/certificate/part_weights.hpp"
 #include "core/dynamics/dense.hpp"
+#include "core/numerics/gauss_parabola.hpp"
 
 #include <cmath>
 
@@ -33,11 +33,9 @@ PartSources PartSampler::on(const Part& p) const {
   PartSources s;
   const double d = p.to - p.from;
   if (has_f_) {
-    const double off = std::sqrt(0.15);  // Gauss points 1/2 and 1/2 ± off
-    const Vector a = sources_.f(p.from + (0.5 - off) * d), b = sources_.f(p.from + 0.5 * d),
-                 c = sources_.f(p.from + (0.5 + off) * d);
-    const Vector slope = (c - a) / (2 * off), bend = (a - 2 * b + c) / (2 * off * off);
-    s.f = {b - slope / 2 + bend / 4, slope - bend, bend};
+    std::array<Vector, 3> values;
+    for (std::size_t k = 0; k < 3; ++k) values[k] = sources_.f(p.from + gauss_points[k] * d);
+    s.f = gauss_parabola(values);
   }
   s.g[0] = has_g_ ? sources_.g(p.from + part_nodes[0] * d) : zero_;
   s.g[1] = has_g_ ? at_ends_->whole(at_ends_->before(p.to, d)) : zero_;
@@ -58,22 +56,16 @@ StepSources::Parabolas::Parabolas(Index width, Index most) : size(Vector::Zero(w
 }
 
 bool StepSources::Parabolas::add(const TimeFunction& source, double from, double to, Index step, double resolved) {
-  const double off = std::sqrt(0.15);
-  const std::array<double, 4> places{0.5 - off, 0.5, 0.5 + off, one_place};
+  const std::array<double, 4> places{gauss_points[0], gauss_points[1], gauss_points[2], one_place};
   for (std::size_t k = 0; k < 4; ++k) {
     values[k].setZero();
     source(from + places[k] * (to - from), values[k]);
     size = size.cwiseMax(values[k].cwiseAbs());
   }
   for (Index i = 0; i < size.size(); ++i) {
-    const double a = values[0][i], b = values[1][i], c = values[2][i];
-    const double slope = (c - a) / (2 * off), bend = (a - 2 * b + c) / (2 * off * off);
-    const double constant = b - slope / 2 + bend / 4, linear = slope - bend;
-    if (!(std::abs(constant + one_place * (linear + one_place * bend) - values[3][i]) <= resolved * size[i]))
-      return false;
-    coefficients[0](i, step) = constant;
-    coefficients[1](i, step) = linear;
-    coefficients[2](i, step) = bend;
+    const std::array<double, 3> c = gauss_parabola<double>({values[0][i], values[1][i], values[2][i]});
+    if (!(std::abs(c[0] + one_place * (c[1] + one_place * c[2]) - values[3][i]) <= resolved * size[i])) return false;
+    for (std::size_t k = 0; k < 3; ++k) coefficients[k](i, step) = c[k];
   }
   return true;
 }

@@ -108,6 +108,7 @@ class EventIntegration {
 
   bool advance_to(double end) {
     at_.end = end;
+    if (!is_wanted()) return false;
     if (end - at_.t > 4 * epsilon * T_) {
       std::optional<std::vector<Index>> likely;
       if (mode_) likely = mode_->active;
@@ -243,10 +244,15 @@ class EventIntegration {
     return true;
   }
 
-  bool may_go_on(long step) {
+  bool may_go_on() {
     if (at_.work > options_.most_work || stored_ > most_stored) return give_up("too many steps", EventEnd::out_of_work);
     if (!at_.x.allFinite()) return give_up("the solution grows without bounds");
-    if (step % 64 == 0 && options_.progress) options_.progress(at_.t);
+    return is_wanted();
+  }
+
+  // Asked at every step and breakpoint: between breakpoints that are near, the first step is the only one.
+  bool is_wanted() {
+    if (asked_++ % 64 == 0 && options_.progress) options_.progress(at_.t);
     if (!options_.interrupted || !options_.interrupted()) return true;
     solution_.interrupted = true;
     return give_up(why_interrupted());
@@ -255,8 +261,8 @@ class EventIntegration {
   bool run_segment() {
     int idle = 0;
     double idle_since = at_.t;
-    for (long k = 0; at_.t < at_.end; ++k) {
-      if (!may_go_on(k)) return false;
+    while (at_.t < at_.end) {
+      if (!may_go_on()) return false;
       if (pending_event_ < 0 && enumerates_) {
         if (!continue_with({}, true)) return false;
         continue;
@@ -298,6 +304,7 @@ class EventIntegration {
   Index pending_event_ = -1;  ///< the component that ended the last step
   int unknown_ = 0;           ///< short steps since an active set was known
   std::size_t stored_ = 0;
+  std::size_t asked_ = 0;  ///< whether the solution is still wanted
   EventSolution solution_;
 };
 

@@ -28,6 +28,8 @@ struct InnerOptions : Options {
   /// those of a march of few steps, or all x0. For studies.
   Index chunks = 0;
   bool coarse_start = true;
+  /// Steps of small scenes may be evaluated by affine pieces; false: each is a problem of its own. For studies.
+  bool by_pieces = true;
   /// Method automatic may end with implicit Euler, of first order, where no method of second order takes a step.
   bool fall_back_to_euler = true;
 };

@@ -1,6 +1,7 @@
 #include "core/scene/source_steps.hpp"
 
 #include "core/base/interruption.hpp"
+#include "core/numerics/gauss_parabola.hpp"
 
 #include <algorithm>
 #include <array>
@@ -26,7 +27,6 @@ constexpr Index most_numbers = 16000000;   ///< that pieces of f may hold
 constexpr Index most_leaves = 2048;        ///< of a step, for each source
 constexpr Index most_in_vain = 16;         ///< steps that so many leaves do not resolve; later ones get fewer,
 constexpr Index fewer_leaves = 128;        ///< enough for a jump
-constexpr std::array<double, 3> gauss{0.1127016653792583, 0.5, 0.8872983346207417};
 constexpr std::array<double, 2> inside{0.3819660112501051, 0.7320508075688772};  ///< irregular places of checks
 constexpr std::array<double, 4> between_gauss{0, 0.2928932188134525, 0.7071067811865476, 1};
 constexpr std::array<double, 7> looks{0.04, 0.19, 0.33, 0.47, 0.62, 0.78, 0.93};  ///< into parts of rough steps
@@ -340,12 +340,10 @@ class Inspection {
     const double d = b - a;
     SourcePiece piece{a, d, {}};
     std::array<Vector, 3> v;
-    for (std::size_t i = 0; i < 3; ++i) f_.inside(a + gauss[i] * d, v[i]);
-    // Divided differences at the Gauss points, then powers of sigma.
-    const Vector d01 = (v[1] - v[0]) / (gauss[1] - gauss[0]), d12 = (v[2] - v[1]) / (gauss[2] - gauss[1]),
-                 bend = (d12 - d01) / (gauss[2] - gauss[0]);
+    for (std::size_t i = 0; i < 3; ++i) f_.inside(a + gauss_points[i] * d, v[i]);
+    const std::array<Vector, 3> c = gauss_parabola(v);
     piece.phi.resize(v[0].size(), 3);
-    piece.phi << v[0] - gauss[0] * d01 + gauss[0] * gauss[1] * bend, d01 - (gauss[0] + gauss[1]) * bend, bend;
+    piece.phi << c[0], c[1], c[2];
     double apart = 0;
     const double margin = std::min(std::max(inside_end, 4 * resolution_ / d), 0.5);
     const auto look = [&](double place) {

@@ -152,7 +152,8 @@ void Methods::iterate_literally(const InnerOptions& options, Result& result) {
 // Long marches of small scenes with given steps: one chunk of time, by the affine pieces of its steps.
 std::optional<ScanPlan> Methods::plan_of_march(const InnerOptions& options) const {
   constexpr Index fewest_steps = 16384;  // below, pieces are found for too few
-  if (!problem_.small_state() || options.compares_grids || problem_.J < fewest_steps) return std::nullopt;
+  if (!problem_.small_state() || !options.by_pieces || options.compares_grids || problem_.J < fewest_steps)
+    return std::nullopt;
   ScanPlan plan;
   plan.threads = &problem_.backend;
   plan.chunks = 1;
@@ -185,7 +186,7 @@ void Methods::shoot(const InnerOptions& options, Result& result) {
   ScanPlan plan;
   plan.threads = &problem_.backend;
   plan.device = dynamic_cast<ChunkMarcher*>(&problem_.backend);
-  plan.by_pieces = !options.compares_grids;
+  plan.by_pieces = options.by_pieces && !options.compares_grids;
   plan.chunks = options.chunks;
   plan.coarse_start = options.coarse_start;
   plan.interrupted = options.interrupted;

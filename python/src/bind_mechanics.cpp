@@ -124,20 +124,6 @@ nb::dict report(const Mechanism& m, const Answer& answer) {
   return d;
 }
 
-const char* word(Uniqueness u) {
-  switch (u) {
-    case Uniqueness::unique:
-      return "unique";
-    case Uniqueness::forces_open:
-      return "unique-motion";
-    case Uniqueness::none_known:
-      return "unknown";
-    case Uniqueness::too_many:
-      break;
-  }
-  return "not-tested";
-}
-
 }  // namespace
 
 void bind_mechanics(nb::module_& m) {
@@ -171,7 +157,7 @@ void bind_mechanics(nb::module_& m) {
                      for (const Contact& c : s.contacts) tangents.push_back(c.tangent.rows());
                      return tangents;
                    })
-      .def("uniqueness", [](const Mechanism& s) { return word(uniqueness(s)); });
+      .def("uniqueness", [](const Mechanism& s) { return to_string(uniqueness(s)); });
   m.def("structure", &structure, nb::arg("name"), nb::arg("M"), nb::arg("C").none(), nb::arg("K").none(),
         nb::arg("f").none(), nb::arg("q0").none(), nb::arg("v0").none(), nb::arg("periodic"), nb::arg("T"),
         nb::arg("names"), nb::arg("contacts"));

@@ -56,6 +56,19 @@ inline Contact belt(double restitution = 0) {
   return c;
 }
 
+/// A body with coupled coordinates that meets the ground aslant, with mu = 0.3.
+inline Mechanism oblique_impact() {
+  Structure s;
+  s.M = sparse(Matrix{{2, -1}, {-1, 2}});
+  s.f = forces([](double) { return Vector{{0, -1}}; });
+  s.q0 = Vector{{0, 0.1}}, s.v0 = Vector{{-1, -1}};
+  s.breakpoints_are_all = true;
+  Contact ground = belt();
+  ground.velocity = {};
+  ground.mu = 0.3;
+  return make_mechanism(s, {ground});
+}
+
 /// By located events, with all states.
 inline Result located(const Scene& scene) {
   Options options = options_for(scene.boundary ? Method::shooting : Method::events);

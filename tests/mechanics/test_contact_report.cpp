@@ -93,15 +93,7 @@ TEST(ContactReport, AnImpactOncePerPeriod) {
 }
 
 TEST(ContactReport, AnObliqueImpact) {
-  Structure s;
-  s.M = sparse(Matrix{{2, -1}, {-1, 2}});
-  s.f = forces([](double) { return Vector{{0, -1}}; });
-  s.q0 = Vector{{0, 0.1}}, s.v0 = Vector{{-1, -1}};
-  s.breakpoints_are_all = true;
-  Contact ground = belt();
-  ground.velocity = {};
-  ground.mu = 0.3;
-  const ContactReport report = report_of(make_mechanism(s, {ground}));
+  const ContactReport report = report_of(oblique_impact());
   expect_balanced(report);
   ASSERT_EQ(report.impacts.size(), 1u);
   EXPECT_NEAR(report.impacts[0].t, 0.096871942, ten_digits);

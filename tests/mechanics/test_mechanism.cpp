@@ -153,15 +153,7 @@ TEST(Mechanism, FacetsApproachTheCircle) {
 }
 
 TEST(Mechanism, AnObliqueImpact) {
-  Structure s;
-  s.M = sparse(Matrix{{2, -1}, {-1, 2}});
-  s.f = forces([](double) { return Vector{{0, -1}}; });
-  s.q0 = Vector{{0, 0.1}}, s.v0 = Vector{{-1, -1}};
-  s.breakpoints_are_all = true;
-  Contact ground = belt();
-  ground.velocity = {};
-  ground.mu = 0.3;
-  const Result r = located(make_mechanism(s, {ground}).scene);
+  const Result r = located(oblique_impact().scene);
   expect_state(r, r.steps, Vector{{-0.3086956522, 0, -0.1739130435, 0}});
 }
 
