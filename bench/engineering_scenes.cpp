@@ -1,15 +1,17 @@
 // Random circuits, chains of masses and tanks, solved as users solve them and compared with an oracle of the tests that
 // shares no code with the solver.
 //
-//     bromwich_engineering_scenes [--kinds circuits,masses,tanks] [--count 200] [--first-seed 0] [--method auto]
+//     bromwich_engineering_scenes [--kinds circuits,masses,tanks:100] [--count 200] [--first-seed 0] [--method auto]
 //         [--tol 1e-3 | --steps J] [--problems transient,periodic] [--tellings original,mirrored,permuted,units]
 //         [--seconds 20] [--jobs 1] [--list bad|all|none] [--files DIR] [--out FILE.json]
 //
-// Verdicts: right, missed (an error of up to three tolerances), wrong, refused, slow (a solve stopped after --seconds
-// of CPU time), crashed, undecided (the oracle's two answers differ, or take too long). With --steps errors are
-// compared with --tol as well, for information. --files: writes the scene files of what is listed. The exit code is 1
-// if a result is wrong or crashed.
+// A kind may have a count of its own. Verdicts: right, missed (an error of up to three tolerances), wrong, refused,
+// none (refused, and no state repeats: each period moves it as the one before did), slow (a solve stopped after
+// --seconds of CPU time), crashed, undecided (the oracle's two answers differ, or take too long). With --steps errors
+// are compared with --tol as well, for information. --files: writes the scene files of what is listed. The exit code is
+// 1 if a result is wrong or crashed.
 
+#include "app/machine.hpp"
 #include "core/build_info.hpp"
 #include "cpu/cpu_backend.hpp"
 #include "tests/support/engineering_trial.hpp"
@@ -48,7 +50,7 @@ std::vector<std::string> words(const std::string& list) {
 }
 
 struct Arguments {
-  std::vector<std::string> kinds{"circuits", "masses", "tanks"}, problems{"transient"}, tellings{"original"};
+  std::vector<std::string> kinds{"circuits", "masses", "tanks:100"}, problems{"transient"}, tellings{"original"};
   std::uint32_t count = 200, first = 0;
   Method method = Method::automatic;
   double tolerance = 1e-3, seconds = 20;
@@ -93,6 +95,13 @@ Arguments parse(int argc, char** argv) {
       throw std::invalid_argument(name + ": unknown; see the head of bench/engineering_scenes.cpp");
   }
   return a;
+}
+
+// NAME or NAME:COUNT.
+std::string name_of(const std::string& kind) { return kind.substr(0, kind.find(':')); }
+std::uint32_t count_of(const std::string& kind, std::uint32_t otherwise) {
+  const std::size_t colon = kind.find(':');
+  return colon == std::string::npos ? otherwise : std::uint32_t(std::stoul(kind.substr(colon + 1)));
 }
 
 EngineeringScene made(const std::string& kind, std::uint32_t seed) {
@@ -201,7 +210,7 @@ void judge_scene(const Arguments& a, const std::string& kind, std::uint32_t seed
       ordered_json found{{"verdict", "undecided"}, {"reason", known.reason}};
       if (known.decided || periodic) found = in_process(a, s, known, periodic, telling, seed);
       json.update(found);
-      const bool bad = json["verdict"] != "right" && json["verdict"] != "undecided";
+      const bool bad = json["verdict"] != "right" && json["verdict"] != "none" && json["verdict"] != "undecided";
       if (!a.files.empty() && (bad || a.list == "all"))
         std::ofstream(a.files + "/" + s.name + "-" + problem + (telling == Telling::original ? "" : "-" + word) +
                       ".toml")
@@ -214,17 +223,27 @@ void judge_scene(const Arguments& a, const std::string& kind, std::uint32_t seed
 }
 
 struct Tally {
-  std::map<std::string, std::map<std::string, long>> verdicts;
+  struct Class {
+    std::map<std::string, long> verdicts;
+    std::vector<double> seconds;
+
+    ordered_json json() const {
+      std::vector<double> sorted = seconds;
+      std::sort(sorted.begin(), sorted.end());
+      return {{"verdicts", verdicts}, {"median_seconds", sorted[sorted.size() / 2]}, {"most_seconds", sorted.back()}};
+    }
+  };
+  std::map<std::string, Class> classes;  ///< by kind, problem and telling
   ordered_json rows = ordered_json::array();
   long failures = 0;
-  double slowest = 0;
 
   void add(const ordered_json& json) {
     const std::string verdict = json["verdict"];
-    ++verdicts[json["kind"].get<std::string>() + ", " + json["problem"].get<std::string>() + ", " +
-               json["telling"].get<std::string>()][verdict];
+    Class& of = classes[json["kind"].get<std::string>() + ", " + json["problem"].get<std::string>() + ", " +
+                        json["telling"].get<std::string>()];
+    ++of.verdicts[verdict];
+    of.seconds.push_back(json.value("seconds", 0.0));
     failures += verdict == "wrong" || verdict == "crashed";
-    slowest = std::max(slowest, json.value("seconds", 0.0));
     if (verdict != "right") rows.push_back(json);
   }
 };
@@ -239,8 +258,8 @@ Tally run(const Arguments& a) {
     if (process == 0) {
       std::size_t k = 0;
       for (const std::string& kind : a.kinds)
-        for (std::uint32_t i = 0; i < a.count; ++i)
-          if (k++ % a.jobs == job) judge_scene(a, kind, a.first + i, file);
+        for (std::uint32_t i = 0; i < count_of(kind, a.count); ++i)
+          if (k++ % a.jobs == job) judge_scene(a, name_of(kind), a.first + i, file);
       _exit(0);
     }
     files.push_back(file), processes.push_back(process);
@@ -269,20 +288,23 @@ Tally run(const Arguments& a) {
 int main(int argc, char** argv) try {
   const Arguments a = parse(argc, argv);
   const Tally tally = run(a);
-  for (const auto& [name, counts] : tally.verdicts) {
-    std::printf("%s:", name.c_str());
-    for (const auto& [verdict, count] : counts) std::printf(" %s %ld", verdict.c_str(), count);
-    std::printf("\n");
+  ordered_json classes;
+  for (const auto& [name, of] : tally.classes) {
+    classes[name] = of.json();
+    std::printf("%s: %s\n", name.c_str(), classes[name].dump().c_str());
   }
   if (!a.out.empty()) {
     ordered_json json{{"commit", build_info::commit},
+                      {"compiler", build_info::compiler},
+                      {"machine", {{"cpu", app::cpu_model()}, {"cores", app::cpu_cores()}}},
+                      {"threads", 1},
+                      {"jobs", a.jobs},
                       {"method", to_string(a.method)},
                       {"tolerance", a.tolerance},
                       {"steps", a.steps},
-                      {"count", a.count},
                       {"first_seed", a.first},
-                      {"slowest_seconds", tally.slowest},
-                      {"verdicts", tally.verdicts},
+                      {"most_seconds", a.seconds},
+                      {"classes", classes},
                       {"not_right", tally.rows}};
     std::ofstream(a.out) << json.dump(1) << '\n';
   }

@@ -5,6 +5,7 @@
 #include "core/events/event_step.hpp"
 #include "core/events/short_steps.hpp"
 #include "core/events/successor.hpp"
+#include "core/events/switched_system.hpp"
 #include "core/kernel/start_rounding.hpp"
 
 #include <Eigen/Dense>
@@ -24,11 +25,6 @@ constexpr int most_accumulations = 200;
 constexpr const char* lost_sign = "terms of y cancel so far that rounding decides its sign";
 constexpr std::size_t most_stored = 60000000;  ///< numbers in the pieces
 
-SystemMatrices dense_system(const Scene& scene) {
-  const DenseDynamics& d = *scene.dynamics->small_state();
-  return {d.A, d.B, d.N, to_dense(scene.M), scene.restitution};
-}
-
 class EventIntegration {
   static constexpr Index s = Collocation::degree;
 
@@ -40,7 +36,7 @@ class EventIntegration {
         class_(lcp_class),
         T_(scene.T),
         longest_(o.longest_step > 0 ? o.longest_step : T_ / 64),
-        system_(dense_system(scene)),
+        system_(switched_system(scene)),
         m_(system_.states()),
         n_(system_.constraints()),
         sources_(scene),
@@ -51,8 +47,9 @@ class EventIntegration {
     at_.sizes.u = {of_x, of_x, of_x, of_y, of_y, of_y};
     at_.h = longest_;
     at_.x = scene.x0;
-    at_.sizes.include_x(at_.x);
     at_.sizes.u.f = sources_.f(0).cwiseAbs();
+    // Of a component that another solve has left as rounding x0 says nothing.
+    at_.sizes.include_x(terms_of_motion(system_.A, Matrix::Identity(m_, m_), at_.x, at_.sizes.u.f, of_x, longest_));
     put_on_constraints();
     at_.y = at_.integral = at_.sizes.y = solution_.doubt = of_y;
   }

@@ -1,6 +1,7 @@
 #include "core/shooting/flow_derivative.hpp"
 
 #include "core/events/collocation.hpp"
+#include "core/events/switched_system.hpp"
 #include "core/numerics/matrix_phi.hpp"
 
 #include <algorithm>
@@ -12,12 +13,7 @@ namespace {
 
 constexpr std::size_t most_propagators = 20000;  ///< kept: pieces between switches have lengths that do not recur
 
-SystemMatrices matrices_of(const Scene& scene) {
-  const DenseDynamics& d = *scene.dynamics->small_state();
-  return {d.A, d.B, d.N, to_dense(scene.M)};
-}
-
-/// Where on its polynomials a piece ends.
+// Where on its polynomials a piece ends.
 double end_of(const EventPiece& p) { return std::min(1.0, (p.end - p.begin) / p.length); }
 
 Vector rate_at(const EventPiece& p, double at) {
@@ -26,7 +22,7 @@ Vector rate_at(const EventPiece& p, double at) {
 
 }  // namespace
 
-FlowDerivative::FlowDerivative(const Scene& scene) : system_(matrices_of(scene)), sources_(scene), T_(scene.T) {}
+FlowDerivative::FlowDerivative(const Scene& scene) : system_(switched_system(scene)), sources_(scene), T_(scene.T) {}
 
 const SwitchedMode* FlowDerivative::mode_of(const std::vector<Index>& active) {
   auto known = modes_.find(active);

@@ -2,6 +2,8 @@
 
 #include "core/base/text.hpp"
 #include "core/events/collocation.hpp"
+#include "core/events/event_sources.hpp"
+#include "core/kernel/start_rounding.hpp"
 #include "core/shooting/divided_shooting.hpp"
 #include "core/shooting/flow_derivative.hpp"
 #include "core/shooting/shooting_matrix.hpp"
@@ -23,6 +25,8 @@ constexpr double small_F = 1e-6;         ///< likewise: after more, no step is t
 constexpr double finest_flow = 1e-12;
 constexpr double least_size = 1e-3;  ///< of the largest component: sizes of others are at least that
 constexpr int most_newton = 40, most_halved = 8;
+constexpr double slow_fall = 0.1;   ///< of F in a step of Newton's method: after less, longer steps are tried
+constexpr double longest_step = 8;  ///< of those, in steps
 constexpr int first_periods = 2, later_periods = 20, most_periods = 150;
 constexpr double settles = 0.99;          ///< of F before some periods, at most
 constexpr double drifting = 1e-2;         ///< of what a period moves: difference to the one before
@@ -43,7 +47,8 @@ class LocatedShooting {
         breakpoints_(breakpoints),
         options_(options),
         derivative_(scene),
-        size_(Vector::Zero(scene.states())) {
+        size_(Vector::Zero(scene.states())),
+        least_(least_size * motion_of(scene)) {
     scene_.boundary.reset();
   }
 
@@ -111,10 +116,21 @@ class LocatedShooting {
     return projected == x ? std::nullopt : integrate(projected);
   }
 
+  // How far f may move the states within T. Where constraints hold them against it, x is rounding of this.
+  static Vector motion_of(const Scene& scene) {
+    const EventSources sources(scene);
+    const Vector rest = Vector::Zero(scene.states());
+    Vector f = rest;
+    for (int k = 0; k <= 8; ++k) f = f.cwiseMax(sources.f(scene.T * k / 8).cwiseAbs());
+    const Matrix& A = scene.dynamics->small_state()->A;
+    return terms_of_motion(A, Matrix::Identity(rest.size(), rest.size()), rest, f, rest, scene.T);
+  }
+
   Vector size_of_states() const {
-    const double most = size_.size() > 0 ? size_.maxCoeff() : 0;
-    if (!(most > 0)) return Vector::Ones(size_.size());
-    return size_.cwiseMax(least_size * most);
+    const Vector size = size_.cwiseMax(least_);
+    const double most = size.size() > 0 ? size.maxCoeff() : 0;
+    if (!(most > 0)) return Vector::Ones(size.size());
+    return size.cwiseMax(least_size * most);
   }
 
   void look_at_sizes(const EventSolution& s) {
@@ -207,11 +223,11 @@ class LocatedShooting {
     return give_up(text("Newton's method ends with %.1e of the boundary condition", now_.defect));
   }
 
-  // Whether the part of F that no dx moves is rounding.
+  // Whether the part of F that no dx moves is error of the flow.
   bool solvable(const ShootingMatrix& K) const {
     const Vector F = K.rows.asDiagonal() * now_.F;
     const Matrix U = K.svd.matrixU().leftCols(K.svd.rank());
-    return (F - U * (U.transpose() * F)).norm() <= 1e-6 * F.norm() + rounding_of_F;
+    return (F - U * (U.transpose() * F)).norm() <= 1e-6 * F.norm() + options_.events.tolerance;
   }
 
   bool descend(const Vector& dx) {
@@ -220,10 +236,24 @@ class LocatedShooting {
       auto it = flow_from(now_.x + share * dx);
       if (solution_.interrupted) return false;
       if (!it || !(defect_of(it->F) <= (1 - 0.1 * share) * now_.defect)) continue;
+      const double before = now_.defect;
+      const Vector x = now_.x;
       take(std::move(*it));
-      return true;
+      return share < 1 || now_.defect <= slow_fall * before || go_further(x, dx);
     }
     return give_up(text("Newton's method ends with %.1e of the boundary condition", now_.defect));
+  }
+
+  // At the border of states that stay, such as those that friction holds, F vanishes with a power of the distance.
+  // Newton's method takes a share of it each time; longer steps pass the border.
+  bool go_further(const Vector& x, const Vector& dx) {
+    for (double share = 2; share <= longest_step; share *= 2) {
+      auto it = flow_from(x + share * dx);
+      if (solution_.interrupted) return false;
+      if (!it || !(defect_of(it->F) < now_.defect)) break;
+      take(std::move(*it));
+    }
+    return true;
   }
 
   Scene scene_;  ///< with initial values
@@ -232,7 +262,8 @@ class LocatedShooting {
   const std::vector<double>& breakpoints_;
   const ShootingOptions& options_;
   FlowDerivative derivative_;
-  Vector size_;  ///< m: largest values of the last flow
+  Vector size_;         ///< m: largest values of the last flow
+  const Vector least_;  ///< m: sizes are at least these
   Iterate now_;
   double work_ = 0;
   std::string why_;

@@ -276,6 +276,30 @@ TEST(LocatedShooting, ReachesAConstraintManyPeriodsAway) {
   EXPECT_NE(shoot_on_events(scene, LcpClass::unknown, {}, {}).reason.find("the state drifts"), std::string::npos);
 }
 
+// A body on a spring under a force F + a sin(2 pi t), and friction of at most 1: x = (place, speed), y = (friction + 1,
+// the speed where it is negative), w = (speed + y2, 2 - y1).
+Scene rubbing_body(double F, double a) {
+  Scene scene =
+      periodic({Matrix{{0, 1}, {-1, 0}}, Matrix{{0, 0}, {1, 0}}, Matrix{{0, 1}, {0, 0}}}, Matrix{{0, 1}, {-1, 0}}, 1);
+  scene.f = [F, a](double t, Eigen::Ref<Vector> v) { v << 0, F - 1 + a * std::sin(2 * pi * t); };
+  scene.g = [](double, Eigen::Ref<Vector> v) { v << 0, 2; };
+  return scene;
+}
+
+// From rest the body creeps towards F + a - 1, where the spring takes what friction does not, and stays from there on.
+TEST(LocatedShooting, PassesTheBorderOfStatesThatFrictionHolds) {
+  const double F = 1.2, a = 0.3;
+  const Result r = shot(rubbing_body(F, a));
+  ASSERT_EQ(r.status, Status::solved) << r.reason;
+  EXPECT_FALSE(r.well_posed) << "others stay too";
+  EXPECT_GE(r.x(0, 0), F + a - 1 - close);
+  EXPECT_LE(r.x(0, 0), F - a + 1 + close);
+  EXPECT_LT((r.x.col(0).array() - r.x(0, 0)).abs().maxCoeff(), close) << "it does not move";
+  EXPECT_LT(r.x.col(1).cwiseAbs().maxCoeff(), close);
+  EXPECT_LE(shoot_on_events(rubbing_body(F, a), LcpClass::unknown, {}, {}).flows, 12)
+      << "beside it F falls by four with each step of Newton's method";
+}
+
 TEST(LocatedShooting, SaysWhatWasTriedWhereNothingIsPeriodic) {
   // Pushed off its stop once a period, x grows by e^80 and comes never back.
   const Scene scene = one_state(

@@ -142,10 +142,30 @@ EngineeringTrial try_engineering(const EngineeringScene& s, const KnownFlow& kno
   return trial;
 }
 
+bool drifts(const EngineeringScene& s) {
+  constexpr int settling = 60, after = 20;
+  constexpr double far = 1e5, alike = 1e-2, least = 1e-6;
+  Vector x = s.x0, moved;
+  const auto pass = [&](int periods) {
+    for (int k = 0; k < periods; ++k) {
+      const Flow flow = switched_flow(s, x, s.period);
+      if (!flow.decided) return false;
+      moved = flow.end() - x, x = flow.end();
+    }
+    return true;
+  };
+  if (!pass(settling)) return false;
+  const Vector first = s.weight.cwiseProduct(moved);
+  if (first.norm() <= least * s.weight.cwiseProduct(x).norm()) return false;
+  x += far * moved;
+  return pass(after) && (s.weight.cwiseProduct(moved) - first).norm() <= alike * first.norm();
+}
+
 EngineeringTrial try_periodic(const EngineeringScene& s, const Retold& told, const Options& options, Backend& backend,
                               double tolerance, const std::function<void()>& solved) {
   EngineeringTrial trial;
   const Result r = solve_retold(told, true, options, backend, solved, trial);
+  if (trial.status != "solved" && drifts(s)) trial.verdict = "none";
   if (trial.status != "solved") return trial;
   const Vector x0 = told.to_original * r.x.row(0).transpose();
   const KnownFlow known = known_flow(s, x0, s.period, 0.1 * tolerance);

@@ -24,7 +24,8 @@ struct KnownFlow {
 KnownFlow known_flow(const EngineeringScene&, const Vector& x0, double T, double doubt);
 
 struct EngineeringTrial {
-  std::string verdict;  ///< right, missed (up to three tolerances), wrong, refused, undecided
+  /// right, missed (up to three tolerances), wrong, refused, none (refused, and no state repeats), undecided
+  std::string verdict;
   std::string status, reason, warning, method;
   double error = 0;     ///< of x, largest of all rows, relative to error_scale
   double at = 0;        ///< where
@@ -40,8 +41,11 @@ struct EngineeringTrial {
 /// after the solve.
 EngineeringTrial try_engineering(const EngineeringScene&, const KnownFlow&, const Retold&, const Options&, Backend&,
                                  double tolerance, const std::function<void()>& solved = {});
-/// The same for the state that repeats after a period: the flow from x(0) of the result has to follow its rows and to
-/// return. There may be several such states.
+/// Whether from x0 on each period comes to move the state as the one before did, after 10^5 of them too. Where
+/// solutions do not part, as in passive circuits and in tanks, none repeats then.
+bool drifts(const EngineeringScene&);
+/// As try_engineering, for the state that repeats after a period: the flow from x(0) of the result has to follow its
+/// rows and to return. There may be several such states.
 EngineeringTrial try_periodic(const EngineeringScene&, const Retold&, const Options&, Backend&, double tolerance,
                               const std::function<void()>& solved = {});
 
