@@ -257,6 +257,35 @@ TEST(EventDriven, GivesUpWhereRoundingDecidesTheSignOfY) {
   EXPECT_NE(s.reason.find("rounding decides"), std::string::npos) << s.reason;
 }
 
+// M = 1e-17 is rounding of what y moves within T, and zero: y = x' + x where x = sin t.
+TEST(EventDriven, AnMOfRoundingIsZero) {
+  Scene scene;
+  scene.dynamics = DenseDynamics{Matrix{{-1}}, Matrix{{1}}, Matrix{{1}}};
+  scene.M = Matrix{{1e-17}};
+  scene.g = [](double t, Eigen::Ref<Vector> v) { v[0] = -std::sin(t); };
+  scene.x0 = Vector{{0}};
+  scene.T = 1;
+  const EventSolution s = integrate_with_events(scene, LcpClass::P, {}, {});
+  ASSERT_TRUE(s.complete) << s.reason;
+  for (const double t : {0.2, 0.7, 1.0}) {
+    EXPECT_NEAR(s.x(t, true)[0], std::sin(t), 1e-10);
+    EXPECT_NEAR(s.y(t, true)[0], std::cos(t) + std::sin(t), 1e-8);
+  }
+}
+
+// A body on its floor, with a place and a speed that rounding has left.
+TEST(EventDriven, RoundingOfARestIsNoMotion) {
+  Scene scene = ball(0);
+  for (const double place : {1e-15, -1e-15})
+    for (const double speed : {1e-16, -1e-16}) {
+      scene.x0 = Vector{{place, speed}};
+      const EventSolution s = integrate_with_events(scene, LcpClass::PSD, {}, {});
+      ASSERT_TRUE(s.complete) << s.reason;
+      EXPECT_LT(s.x(scene.T, true).cwiseAbs().maxCoeff(), 1e-14);
+      EXPECT_NEAR(s.y(scene.T, true)[0], 1, 1e-9);
+    }
+}
+
 // w = x + g, g drops at 1/2 so that w would be -2e-5, and rises by 10 t from there: the state jumps by 2e-5, a contact
 // that ends at once.
 TEST(EventDriven, AnImpulseSmallerThanWhatSourcesMoveSoon) {
