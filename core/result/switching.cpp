@@ -1,5 +1,6 @@
 #include "core/result/switching.hpp"
 #include "core/result/located.hpp"
+#include "core/result/located_solution.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -49,6 +50,7 @@ Switch by_line(const Solution& r, Index j, Index i, bool on, double zero) {
 }  // namespace
 
 std::vector<Switch> switches(const Solution& s, double negligible) {
+  if (s.located) return s.located->switches;
   const RowMatrix& y = s.y;
   Index rows = 0;
   while (rows < y.rows() && (rows == 0 || y.row(rows).allFinite())) ++rows;
