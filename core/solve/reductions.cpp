@@ -10,6 +10,7 @@
 #include "core/solve/scaling.hpp"
 #include "core/solve/symmetric_form.hpp"
 
+#include <algorithm>
 #include <numeric>
 #include <utility>
 
@@ -170,7 +171,8 @@ void Reductions::back(Result& result) const {
 
 Result Reductions::of_solve(Result result) const {
   Timer timer;
-  if (result.located && !result.located->pieces.empty()) {
+  const bool changes = std::any_of(made_.begin(), made_.end(), [](const Reduction& r) { return bool(r.back); });
+  if (changes && result.located && !result.located->pieces.empty()) {
     auto located = std::make_shared<LocatedSolution>(*result.located);
     CoefficientRows coefficients(*located);
     back(coefficients.rows());

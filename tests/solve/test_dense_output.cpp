@@ -211,9 +211,9 @@ TEST(DenseOutput, IsTheValueOfPolynomialsBetweenLocatedSwitches) {
   const long before = *calls;
   const std::vector<double> times(fine.t.begin(), fine.t.end());
   const Result between = at_times(scene, *backend, coarse, times);
-  const Matrix states = states_at(scene, *backend, coarse, {7, 23});
   const std::vector<Switch> found = switches_with_errors(scene, *backend, {}, coarse), rows = switches(coarse);
   EXPECT_EQ(*calls, before) << "nothing is solved again";
+  const Matrix states = states_at(scene, *backend, coarse, {7, 23});
   const double tolerance = 2 * *coarse.error_estimate + 1e-12;
   for (const auto part : {&Solution::y, &Solution::x, &Solution::trace})
     EXPECT_LE((between.*part - fine.*part).cwiseAbs().maxCoeff(), tolerance * (fine.*part).cwiseAbs().maxCoeff());
