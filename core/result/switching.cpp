@@ -81,6 +81,17 @@ std::vector<Switch> switches(const Solution& s, double negligible) {
   return found;
 }
 
+std::vector<double> distances(const std::vector<Switch>& found, const std::vector<Switch>& other, double none) {
+  std::vector<double> apart;
+  for (const Switch& s : found) {
+    double nearest = INFINITY;
+    for (const Switch& o : other)
+      if (o.component == s.component && o.on == s.on) nearest = std::min(nearest, std::abs(o.t - s.t));
+    apart.push_back(std::isfinite(nearest) ? nearest : none);
+  }
+  return apart;
+}
+
 std::vector<RelaySwitch> relay_switches(const Result& result, const std::vector<Switch>& found, Index relays) {
   std::vector<RelaySwitch> all;
   const auto lambda = [](bool s, bool y) { return y ? -1 : s ? 0 : 1; };

@@ -4,9 +4,9 @@
 #include "core/base/timer.hpp"
 #include "core/events/collocation.hpp"
 #include "core/lcp/lcp_class.hpp"
+#include "core/result/switching.hpp"
 #include "core/solve/error_goal.hpp"
 #include "core/solve/event_rows.hpp"
-#include "core/solve/switch_errors.hpp"
 
 #include <algorithm>
 #include <array>

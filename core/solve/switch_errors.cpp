@@ -34,17 +34,6 @@ std::optional<Result> on_another_grid(const Scene& scene, Backend& backend, cons
 
 }  // namespace
 
-std::vector<double> distances(const std::vector<Switch>& found, const std::vector<Switch>& other, double none) {
-  std::vector<double> apart;
-  for (const Switch& s : found) {
-    double nearest = INFINITY;
-    for (const Switch& o : other)
-      if (o.component == s.component && o.on == s.on) nearest = std::min(nearest, std::abs(o.t - s.t));
-    apart.push_back(std::isfinite(nearest) ? nearest : none);
-  }
-  return apart;
-}
-
 std::vector<Switch> switches_with_errors(const Scene& scene, Backend& backend, const Options& options,
                                          const Result& result) {
   std::vector<Switch> found = switches(result);
