@@ -2,7 +2,7 @@
 # the C++ library only, and is compiled with the same headers and options.
 function(bromwich_beside_core name)
   set(target bromwich_${name})
-  add_library(${target} ${ARGN})
+  add_library(${target} STATIC ${ARGN})
   add_library(bromwich::${name} ALIAS ${target})
   set_target_properties(${target} PROPERTIES EXPORT_NAME ${name})
   target_include_directories(${target} BEFORE PRIVATE ${PROJECT_BINARY_DIR}/core_alone)

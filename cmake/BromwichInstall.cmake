@@ -1,4 +1,7 @@
 # Installs the libraries and headers, and a package for find_package(bromwich).
+if(BROMWICH_NATIVE OR BROMWICH_ARCH)
+  install(CODE "message(STATUS \"bromwich: tuned for some machines (BROMWICH_NATIVE or BROMWICH_ARCH); the preset portable runs on all\")")
+endif()
 include(CMakePackageConfigHelpers)
 
 set(package_dir ${CMAKE_INSTALL_LIBDIR}/cmake/bromwich)
@@ -13,7 +16,7 @@ endif()
 install(TARGETS ${libraries} EXPORT bromwichTargets)
 set(headers ${CMAKE_INSTALL_INCLUDEDIR}/bromwich)
 install(DIRECTORY ${PROJECT_SOURCE_DIR}/include/bromwich/ DESTINATION ${headers} FILES_MATCHING PATTERN "*.hpp")
-install(FILES ${PROJECT_BINARY_DIR}/generated/bromwich/bromwich.hpp DESTINATION ${headers})
+install(FILES ${PROJECT_BINARY_DIR}/generated/bromwich/bromwich.hpp ${PROJECT_BINARY_DIR}/generated/bromwich/version.h DESTINATION ${headers})
 if(BROMWICH_CPU)
   install(FILES ${PROJECT_SOURCE_DIR}/cpu/cpu_backend.hpp DESTINATION ${headers}/cpu)
   install(FILES ${PROJECT_SOURCE_DIR}/kernels/cuda_backend.hpp DESTINATION ${headers}/kernels)

@@ -270,6 +270,21 @@ Shape shape_of(File& file, hid_t dataset) {
   return shape;
 }
 
+Shape shape_to_read(File& file, hid_t dataset) {
+  constexpr hsize_t most_of_a_byte = 1032;  // that deflate can make of a byte
+  Shape shape = shape_of(file, dataset);
+  hsize_t most = (hsize_t(std::filesystem::file_size(file.target().path)) + 1024) * most_of_a_byte;
+  if (std::find(shape.begin(), shape.end(), hsize_t(0)) != shape.end()) return shape;
+  for (const hsize_t size : shape) {
+    most /= size;
+    if (most == 0)
+      throw Error(file.target().argument,
+                  "'" + file.target().path.string() + "' has a dataset that is larger than the file can hold",
+                  "give a file that is whole");
+  }
+  return shape;
+}
+
 void set_rows(File& file, hid_t dataset, Index rows) {
   Shape shape = shape_of(file, dataset);
   shape[0] = hsize_t(rows);

@@ -118,6 +118,8 @@ Handle open_dataset(File&, hid_t group, const std::string& name);
 
 /// The shape of a dataset; rows = shape[0].
 Shape shape_of(File&, hid_t dataset);
+/// The same before memory is taken for all values. Throws Error if there are more than a file of this size can hold.
+Shape shape_to_read(File&, hid_t dataset);
 /// Cuts or extends the dataset to `rows` rows.
 void set_rows(File&, hid_t dataset, Index rows);
 /// Appends `count` rows from consecutive memory.

@@ -17,29 +17,39 @@ using namespace hdf5;
 
 namespace {
 
+[[noreturn]] void refuse(const File& file, const std::string& what) {
+  throw Error(file.target().argument, "'" + file.target().path.string() + "' " + what,
+              "give a file that 'bromwich solve --out' has written");
+}
+
 bool has(File& file, const std::string& name) { return file.checked(H5Lexists(file, name.c_str(), H5P_DEFAULT)) > 0; }
 
 /// All rows of a dataset of one or two dimensions; no rows if there is none.
 RowMatrix table(File& file, const std::string& name) {
   if (!has(file, name)) return {};
   const Handle data = open_dataset(file, file, name);
-  const Shape shape = shape_of(file, data);
+  const Shape shape = shape_to_read(file, data);
   if (shape.empty() || shape.size() > 2)
-    throw Error(file.target().argument,
-                "'" + file.target().path.string() + "' has a dataset " + name + " of " + std::to_string(shape.size()) +
-                    " dimensions",
-                "give a file that 'bromwich solve --out' has written");
+    refuse(file, "has a dataset " + name + " of " + std::to_string(shape.size()) + " dimensions");
   const Index rows = Index(shape[0]), columns = shape.size() == 2 ? Index(shape[1]) : 1;
   RowMatrix values(rows, columns);
   if (values.size() > 0) read_all(file, data, H5T_NATIVE_DOUBLE, values.data());
   return values;
 }
 
+/// A dataset of one column; no rows if there is none.
+Vector column(File& file, const std::string& name) {
+  const RowMatrix values = table(file, name);
+  if (values.size() == 0) return {};
+  if (values.cols() != 1) refuse(file, "has several columns in its dataset " + name);
+  return values.col(0);
+}
+
 std::vector<std::string> words(File& file, const std::string& name) {
   if (!has(file, name)) return {};
   const Handle data = open_dataset(file, file, name);
   const Handle stored(file.checked(H5Dget_type(data)), H5Tclose);
-  const Shape shape = shape_of(file, data);
+  const Shape shape = shape_to_read(file, data);
   if (shape.size() != 1 || H5Tget_class(stored) != H5T_STRING || H5Tis_variable_str(stored) <= 0) return {};
   const Handle type(H5Tcopy(H5T_C_S1), H5Tclose), space(file.checked(H5Dget_space(data)), H5Sclose);
   H5Tset_size(type, H5T_VARIABLE);
@@ -76,7 +86,7 @@ std::vector<TimeSeries> others(File& file, Index rows) {
     if (data < 0 || name == "t" || name == "y" || name == "w" || name == "x") continue;
     const Handle type(file.checked(H5Dget_type(data)), H5Tclose);
     if (H5Tget_class(type) == H5T_FLOAT && shape_of(file, data) == Shape{hsize_t(rows)})
-      found.push_back({name, text_attribute(file, data, "long_name"), table(file, name).col(0)});
+      found.push_back({name, text_attribute(file, data, "long_name"), column(file, name)});
   }
   return found;
 }
@@ -108,10 +118,9 @@ Facts attributes(File& file) {
 RowMatrix points(File& file, const std::string& name, Index rows, Index& across) {
   if (!has(file, "VTKHDF/PointData/" + name)) return {};
   const Handle data = open_dataset(file, file, "VTKHDF/PointData/" + name);
-  const Shape shape = shape_of(file, data);
-  if (shape.size() != 3 || Index(shape[0]) < rows)
-    throw Error(file.target().argument, "'" + file.target().path.string() + "' has another layout of " + name,
-                "give a file that 'bromwich solve --out' has written");
+  const Shape shape = shape_to_read(file, data);
+  if (shape.size() != 3 || Index(shape[0]) < rows || shape[1] == 0 || shape[2] == 0)
+    refuse(file, "has another layout of " + name);
   across = Index(shape[2]);
   const Index all = Index(shape[0]), at_once = Index(shape[1] * shape[2]);
   RowMatrix values(all, at_once);
@@ -145,8 +154,9 @@ StoredResult read_image(File& file) {
   file.checked(H5Aread(count, H5T_NATIVE_INT64, &rows));
   for (const auto& [name, value] : stored.facts)
     if (const auto* number = std::get_if<std::int64_t>(&value); number && name == "constraints") constraints = *number;
-  const RowMatrix t = table(file, "VTKHDF/Steps/Values");
-  stored.t = t.col(0).head(rows);
+  const Vector t = column(file, "VTKHDF/Steps/Values");
+  if (rows < 0 || rows > t.size()) refuse(file, "has fewer times than steps");
+  stored.t = t.head(rows);
   const RowMatrix y = points(file, "y", rows, across), w = points(file, "w", rows, across);
   stored.y = of_constraints(y, across, constraints);
   stored.w = of_constraints(w, across, constraints);
@@ -192,7 +202,8 @@ void require_file(const FileTarget& target) {
 RowMatrix last_and_largest(File& file, const std::string& name) {
   constexpr Index values_together = 1 << 22;  // 32 MiB
   const Handle data = open_dataset(file, file, name);
-  const Shape shape = shape_of(file, data);
+  const Shape shape = shape_to_read(file, data);
+  if (shape.size() != 3) refuse(file, "has a dataset " + name + " that is no sweep's");
   const Index scenes = Index(shape[0]), rows = Index(shape[1]), width = Index(shape[2]);
   RowMatrix found(scenes, 2 * width);
   if (rows * width == 0) return RowMatrix(scenes, 0);
@@ -227,7 +238,12 @@ std::optional<StoredSweep> read_sweep_hdf5(const FileTarget& target) {
   sweep.status = words(file, "status");
   const Index scenes = Index(sweep.status.size());
   sweep.swept.resize(scenes, Index(sweep.parameters.size()));
-  for (Index p = 0; p < sweep.swept.cols(); ++p) sweep.swept.col(p) = table(file, sweep.parameters[std::size_t(p)]);
+  for (Index p = 0; p < sweep.swept.cols(); ++p) {
+    const Vector values = column(file, sweep.parameters[std::size_t(p)]);
+    if (values.size() != scenes)
+      refuse(file, "has no value of " + sweep.parameters[std::size_t(p)] + " for each scene");
+    sweep.swept.col(p) = values;
+  }
   for (const auto& [data, names] : {std::pair("y", "constraint_name"), {"x", "state_name"}}) {
     if (!has(file, data)) continue;
     for (const std::string& name : words(file, names)) {
@@ -235,6 +251,7 @@ std::optional<StoredSweep> read_sweep_hdf5(const FileTarget& target) {
       sweep.columns.push_back("max|" + name + "|");
     }
     const RowMatrix found = last_and_largest(file, data);
+    if (found.rows() != scenes) refuse(file, std::string("has no rows of ") + data + " for each scene");
     const Index before = sweep.values.cols();
     sweep.values.conservativeResize(scenes, before + found.cols());
     sweep.values.rightCols(found.cols()) = found;
@@ -246,12 +263,9 @@ StoredResult read_hdf5(const FileTarget& target) {
   require_file(target);
   File file(target, File::Access::read);
   if (has(file, "VTKHDF") && has(file, "VTKHDF/Steps")) return read_image(file);
-  if (!has(file, "t"))
-    throw Error(target.argument, "'" + target.path.string() + "' has no dataset t",
-                "give a file that 'bromwich solve --out' has written");
+  if (!has(file, "t")) refuse(file, "has no dataset t");
   StoredResult stored;
-  const RowMatrix t = table(file, "t");
-  stored.t = t.col(0);
+  stored.t = column(file, "t");
   stored.y = table(file, "y");
   stored.w = table(file, "w");
   stored.x = table(file, "x");

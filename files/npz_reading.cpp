@@ -2,6 +2,7 @@
 
 #include "core/base/error.hpp"
 #include "files/stored_result.hpp"
+#include "files/words.hpp"
 
 #include <minizip/unzip.h>
 
@@ -53,15 +54,16 @@ class Reading {
   }
 
  private:
+  /// The bytes as they come: what the archive says of their number may be anything.
   Stored array(std::uint64_t size) {
     check(unzOpenCurrentFile(zip_));
-    std::string bytes(size, '\0');
-    for (std::uint64_t done = 0; done < size;) {
-      const int got =
-          unzReadCurrentFile(zip_, bytes.data() + done, unsigned(std::min<std::uint64_t>(size - done, 1 << 24)));
-      if (got <= 0) refuse("could not be read to its end");
-      done += std::uint64_t(got);
+    std::string bytes, part(1 << 20, '\0');
+    for (int got = 1; got > 0 && bytes.size() <= size;) {
+      got = unzReadCurrentFile(zip_, part.data(), unsigned(part.size()));
+      if (got < 0) refuse("could not be read to its end");
+      bytes.append(part, 0, std::size_t(got));
     }
+    if (bytes.size() != size) refuse("has an entry of another length than it says");
     check(unzCloseCurrentFile(zip_));
     return parsed(bytes);
   }
@@ -71,18 +73,25 @@ class Reading {
     const auto byte = [&](std::size_t i) { return std::size_t(static_cast<unsigned char>(bytes[i])); };
     const bool first = bytes[6] == 1;
     const std::size_t begin = first ? 10 : 12;
+    if (bytes.size() < begin) refuse("has an array without values");
     const std::size_t length = byte(8) + (byte(9) << 8) + (first ? 0 : (byte(10) << 16) + (byte(11) << 24));
     if (bytes.size() < begin + length) refuse("has an array without values");
     const std::string header = bytes.substr(begin, length);
     Stored stored{between(header, "'descr': '", "'"), {}, bytes.substr(begin + length)};
     if (header.find("'fortran_order': False") == std::string::npos) refuse("has an array in column order");
-    const std::string shape = between(header, "'shape': (", ")");
-    for (std::size_t at = 0; at < shape.size();) {
-      const std::size_t end = std::min(shape.find(',', at), shape.size());
-      if (shape.find_first_of("0123456789", at) < end) stored.shape.push_back(std::stoll(shape.substr(at, end - at)));
-      at = end + 1;
-    }
+    for (const std::string& word : split_list(between(header, "'shape': (", ")"))) take_extent(word, stored);
     return stored;
+  }
+
+  /// One number of a shape; "" behind the last comma. No array has more entries than bytes.
+  void take_extent(const std::string& word, Stored& stored) const {
+    const std::size_t digit = word.find_first_not_of(' ');
+    if (digit == std::string::npos) return;
+    const auto size = parse_integer(word.substr(digit));
+    const Index before = stored.count();
+    if (!size || *size < 0 || (before > 0 && *size > Index(stored.bytes.size()) / before))
+      refuse("has an array of another shape than it says");
+    stored.shape.push_back(Index(*size));
   }
 
   std::string between(const std::string& text, const std::string& before, const std::string& after) const {
@@ -104,10 +113,13 @@ class Reading {
 std::vector<std::string> texts(const Stored& stored) {
   std::vector<std::string> found;
   if (!stored.type.starts_with("<U")) return found;
-  const std::size_t width = std::stoul(stored.type.substr(2));
-  for (std::size_t i = 0; i < std::size_t(stored.count()); ++i) {
+  const auto characters = parse_integer(stored.type.substr(2));
+  const Index count = stored.count(), most = Index(stored.bytes.size()) / 4;
+  if (!characters || *characters < 1 || (count > 0 && *characters > most / count)) return found;
+  const auto width = std::size_t(*characters);
+  for (std::size_t i = 0; i < std::size_t(count); ++i) {
     std::string word;
-    for (std::size_t k = 0; k < width && (i * width + k + 1) * 4 <= stored.bytes.size(); ++k) {
+    for (std::size_t k = 0; k < width; ++k) {
       std::uint32_t c = 0;
       std::memcpy(&c, stored.bytes.data() + 4 * (i * width + k), 4);
       if (c == 0) break;
@@ -129,7 +141,7 @@ RowMatrix numbers(const Reading& reading, const std::map<std::string, Stored>& a
   if (at == arrays.end()) return {};
   const Stored& stored = at->second;
   if (stored.type != "<f8" || stored.shape.empty() || stored.shape.size() > 2 ||
-      stored.bytes.size() < sizeof(double) * std::size_t(stored.count()))
+      stored.bytes.size() / sizeof(double) < std::size_t(stored.count()))
     reading.refuse("has no table of float64 named " + name);
   RowMatrix values(stored.shape[0], stored.shape.size() == 2 ? stored.shape[1] : 1);
   std::memcpy(values.data(), stored.bytes.data(), sizeof(double) * std::size_t(values.size()));
@@ -165,6 +177,7 @@ StoredResult read_npz(const FileTarget& target) {
   if (!arrays.contains("t")) reading.refuse("has no array t");
   StoredResult stored;
   const RowMatrix t = numbers(reading, arrays, "t");
+  if (t.cols() != 1) reading.refuse("has several columns in its array t");
   stored.t = t.col(0);
   stored.y = numbers(reading, arrays, "y");
   stored.w = numbers(reading, arrays, "w");

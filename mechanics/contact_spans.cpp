@@ -1,10 +1,7 @@
 #include "mechanics/contact_spans.hpp"
 
 #include "core/base/error.hpp"
-#include "core/events/collocation.hpp"
-#include "core/result/located.hpp"
-#include "core/solve/located_values.hpp"
-#include "core/solve/shooting_control.hpp"
+#include "core/result/located_solution.hpp"
 
 #include <array>
 #include <cmath>
@@ -20,32 +17,26 @@ constexpr std::array<double, 4> points{0.1834346424956498049394761, 0.5255324099
 constexpr std::array<double, 4> point_weights{0.3626837833783619829651504, 0.3137066458778872873379622,
                                               0.2223810344533744705443560, 0.1012285362903762591525314};
 
-Vector scaled(Vector v, const std::vector<int>& units) {
-  for (std::size_t i = 0; i < units.size(); ++i) v[Index(i)] = times_ten_to(units[i], v[Index(i)]);
-  return v;
-}
-
 class LocatedSpans {
  public:
-  LocatedSpans(const Scene& scene, const LocatedValues& values)
-      : values_(values), B_(scene.dynamics->small_state()->B), x_(scene.x0) {}
+  LocatedSpans(const Scene& scene, const Vector& start, const LocatedSolution& solution)
+      : solution_(solution), B_(scene.dynamics->inputs()), x_(start) {}
 
   ContactSpans all() {
     ContactSpans found;
     found.located = true;
     found.first = x_;
-    for (const EventPiece& piece : values_.solution().pieces) found.spans.push_back(span(piece));
+    for (const EventPiece& piece : solution_.pieces) found.spans.push_back(span(piece));
     found.last = x_;
     return found;
   }
 
  private:
   ContactSpan span(const EventPiece& piece) {
-    const NaturalUnits& units = values_.units();
     ContactSpan s;
     s.begin = piece.begin, s.end = piece.end;
     for (const EventImpulse& impulse : piece.impulses) {
-      const Vector p = scaled(impulse.p, units.y), after = x_ + B_ * p;
+      const Vector p = impulse.p, after = x_ + B_ * p;
       s.jumps.push_back({x_, after, p});
       x_ = after;
     }
@@ -54,19 +45,18 @@ class LocatedSpans {
     for (std::size_t i = 0; i < points.size(); ++i)
       for (const int sign : {-1, 1}) {
         const double t = piece.begin + half * (1 + sign * points[i]);
-        s.samples.push_back({t, half * point_weights[i], scaled(piece.x.transpose() * at(t), units.x),
-                             scaled(piece.y.transpose() * at(t), units.y)});
+        s.samples.push_back({t, half * point_weights[i], piece.x.transpose() * at(t), piece.y.transpose() * at(t)});
       }
     s.active.assign(std::size_t(B_.cols()), 0);
     for (const Index i : piece.active) s.active[std::size_t(i)] = 1;
     if (piece.passed)
       for (Index i = 0; i < B_.cols(); ++i) s.active[std::size_t(i)] = piece.y(0, i) > 0;
-    x_ = scaled(piece.x.transpose() * at(piece.end), units.x);
+    x_ = piece.x.transpose() * at(piece.end);
     return s;
   }
 
-  const LocatedValues& values_;
-  const Matrix B_;
+  const LocatedSolution& solution_;
+  const SparseMatrix B_;
   Vector x_;
 };
 
@@ -92,13 +82,9 @@ ContactSpans spans_of_rows(const Result& r) {
 }  // namespace
 
 ContactSpans contact_spans(const Mechanism& m, const Result& r) {
+  if (r.located) return LocatedSpans(m.scene, r.start.size() > 0 ? r.start : m.scene.x0, *r.located).all();
   if (r.x.cols() != m.scene.states() || r.t.size() < 2)
     throw Error("states", "were not all recorded", "solve with all states");
-  if (locates_switches(r)) {
-    const Scene scene = m.scene.boundary ? from_start(m.scene, r) : m.scene;
-    if (scene.dynamics->small_state())
-      if (const auto values = LocatedValues::find(scene)) return LocatedSpans(scene, *values).all();
-  }
   return spans_of_rows(r);
 }
 

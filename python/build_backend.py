@@ -38,7 +38,7 @@ HERE = Path(__file__).resolve().parent
 PARTS = ("CMakeLists.txt", "LICENSE", "app", "bench/studies", "circuits", "cmake", "core", "cpu", "examples", "files", "kernels", "mpi")
 PARTS += ("python/CMakeLists.txt", "python/cuda.cmake", "python/src", "python/stubs.py", "python/variants.cmake")
 PARTS += ("batch", "catalogue", "derivatives", "include", "mechanics", "nonlinear", "ranks", "complementarity")
-PARTS += ("docs/scene.schema.json", "report", "scripts/install-deps", "third_party")
+PARTS += ("capi", "docs/scene.schema.json", "report", "scripts/install-deps", "third_party")
 SKIPPED = shutil.ignore_patterns("__pycache__", "*.pyc", "build", "*.so", "*.pyi")
 
 

@@ -12,13 +12,14 @@
 // A polynomial with several components is an (s+1) x components matrix of Legendre coefficients.
 
 #include "../base/types.hpp"
+#include "../numerics/legendre.hpp"
 
 #include <vector>
 
 namespace bromwich {
 
 struct Collocation {
-  static constexpr Index degree = 7;
+  static constexpr Index degree = legendre_degree;
 
   Vector nodes;
   Matrix stages;        ///< s x (s+1): from coefficients to values at c
@@ -42,15 +43,6 @@ struct Collocation {
 
   static const Collocation& get();
 };
-
-/// P_0(at), ..., P_s(at).
-Vector legendre(double at);
-/// The integrals of P_0, ..., P_s over [0, at].
-Vector legendre_integrals(double at);
-
-/// Both at many places, one row each: places x (s+1).
-Matrix legendre_rows(const Vector& at);
-Matrix legendre_integral_rows(const Vector& at);
 
 /// The first point of [0, 1] at which a polynomial, given by its Bernstein coefficients, is below -noise; 1 if it is
 /// nowhere. Exact to 2^-50: the polynomial lies in the convex hull of its coefficients, and intervals are halved until

@@ -321,27 +321,4 @@ EventSolution integrate_with_events(const Scene& scene, LcpClass lcp_class, cons
   return EventIntegration(scene, lcp_class, breakpoints, options).run();
 }
 
-const EventPiece& EventSolution::piece(double t, bool left) const {
-  const auto after = [left](double at, const EventPiece& p) { return left ? at <= p.begin : at < p.begin; };
-  auto it = std::upper_bound(pieces.begin(), pieces.end(), t, after);
-  if (it != pieces.begin()) --it;
-  return *it;
-}
-
-Vector EventSolution::x(double t, bool left) const {
-  const EventPiece& p = piece(t, left);
-  return p.x.transpose() * legendre((std::clamp(t, p.begin, p.end) - p.begin) / p.length);
-}
-
-Vector EventSolution::y(double t, bool left) const {
-  const EventPiece& p = piece(t, left);
-  return p.y.transpose() * legendre((std::clamp(t, p.begin, p.end) - p.begin) / p.length);
-}
-
-Vector EventSolution::integral_of_y(double t, bool left) const {
-  const EventPiece& p = piece(t, left);
-  return p.integral +
-         p.length * (p.y.transpose() * legendre_integrals((std::clamp(t, p.begin, p.end) - p.begin) / p.length));
-}
-
 }  // namespace bromwich

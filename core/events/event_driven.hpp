@@ -15,6 +15,7 @@
 // constraints the solution is one that may not be the only one.
 
 #include "../lcp/matrix.hpp"
+#include "../result/located_solution.hpp"
 #include "../scene/scene.hpp"
 #include "successor.hpp"
 
@@ -22,18 +23,6 @@
 #include <string>
 
 namespace bromwich {
-
-/// The solution on [begin, end], begin + length >= end: polynomials on [begin, begin + length].
-struct EventPiece {
-  double begin, length, end;
-  Matrix x, y;                              ///< (s+1) x m and (s+1) x n Legendre coefficients
-  Vector integral;                          ///< n: of y over [0, begin], impulses up to then included
-  std::vector<Index> active = {};           ///< the active set
-  std::vector<EventImpulse> impulses = {};  ///< at the begin, in their order
-  /// The component whose y_i (i active) or w_i vanishes at the end and would become negative; -1: none does.
-  Index event = -1;
-  bool passed = false;  ///< accumulated events, passed by a step of implicit Euler
-};
 
 struct EventOptions {
   double tolerance = 1e-10;  ///< of the last coefficients, relative to the largest value of a component so far
@@ -50,12 +39,11 @@ enum class EventEnd : char {
   other,
 };
 
-struct EventSolution {
+struct EventSolution : LocatedSolution {
   bool complete = false;
   bool interrupted = false;
   EventEnd end = EventEnd::other;
   std::string reason;  ///< why it is not complete
-  double until = 0;    ///< the solution is known up to here
   double work = 0;     ///< floating-point operations, about
   Index events = 0, jumps = 0, accumulations = 0, breakpoints = 0;
   double defect = 0;       ///< largest last coefficients of all steps, as the tolerance counts them
@@ -63,14 +51,6 @@ struct EventSolution {
   bool unique = true;      ///< false: another solution may exist, and was not looked for
   bool continuous = true;  ///< y has no jump or impulse after t = 0
   Vector jump_at_start;    ///< n: the impulse at t = 0; empty if there is none
-  std::vector<EventPiece> pieces;
-
-  /// The piece that holds t; where two meet, the one before with `left`.
-  const EventPiece& piece(double t, bool left) const;
-  /// m, n and n values. At jumps the limit from the left with `left`, and otherwise from the right.
-  Vector x(double t, bool left) const;
-  Vector y(double t, bool left) const;
-  Vector integral_of_y(double t, bool left) const;
 };
 
 /// Whether the scene can be integrated in this way: dense dynamics without E, x(0) = x0, few unknowns, no free rows.

@@ -4,6 +4,7 @@
 // A short step of implicit Euler proposes an active set, and a step of collocation confirms it: y and w have to be
 // nonnegative for some time. Where the state does not fulfil the constraints of the new active set, it jumps.
 
+#include "../result/located_solution.hpp"
 #include "event_step.hpp"
 #include "short_steps.hpp"
 
@@ -14,12 +15,6 @@
 #include <vector>
 
 namespace bromwich {
-
-/// A jump of the state by B p: p is that of the mode with this active set (SwitchedMode::impulse).
-struct EventImpulse {
-  std::vector<Index> active;
-  Vector p;  ///< n
-};
 
 class Successor {
  public:

@@ -1,5 +1,6 @@
 #include "core/result/switching.hpp"
 #include "core/result/located.hpp"
+#include "core/result/located_solution.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -49,6 +50,7 @@ Switch by_line(const Solution& r, Index j, Index i, bool on, double zero) {
 }  // namespace
 
 std::vector<Switch> switches(const Solution& s, double negligible) {
+  if (s.located) return s.located->switches;
   const RowMatrix& y = s.y;
   Index rows = 0;
   while (rows < y.rows() && (rows == 0 || y.row(rows).allFinite())) ++rows;
@@ -77,6 +79,17 @@ std::vector<Switch> switches(const Solution& s, double negligible) {
   }
   std::stable_sort(found.begin(), found.end(), [](const Switch& a, const Switch& b) { return a.t < b.t; });
   return found;
+}
+
+std::vector<double> distances(const std::vector<Switch>& found, const std::vector<Switch>& other, double none) {
+  std::vector<double> apart;
+  for (const Switch& s : found) {
+    double nearest = INFINITY;
+    for (const Switch& o : other)
+      if (o.component == s.component && o.on == s.on) nearest = std::min(nearest, std::abs(o.t - s.t));
+    apart.push_back(std::isfinite(nearest) ? nearest : none);
+  }
+  return apart;
 }
 
 std::vector<RelaySwitch> relay_switches(const Result& result, const std::vector<Switch>& found, Index relays) {

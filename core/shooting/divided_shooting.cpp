@@ -16,7 +16,7 @@ namespace bromwich {
 namespace {
 
 constexpr Index parts = 11;  ///< a prime: edges of pulses at simple fractions of T lie inside of parts
-constexpr int most_steps = 30, most_halved = 6;
+constexpr int most_steps = 30, most_halvings = 6;
 constexpr double small_defect = 1e-7;  ///< of the sizes: Newton's method over [0, T] takes the rest
 
 /// One part, as a scene that begins at 0.
@@ -116,7 +116,7 @@ class DividedShooting {
     std::vector<Vector> dx{K.solve(Vector(-now.F.back() - c_.ET * from_F))};
     for (Index k = 0; k + 1 < parts; ++k) dx.push_back(D[std::size_t(k)] * dx.back() + now.F[std::size_t(k)]);
     double share = 1;
-    for (int halved = 0; halved <= most_halved; ++halved, share /= 2) {
+    for (int halved = 0; halved <= most_halvings; ++halved, share /= 2) {
       if (options_.interrupted && options_.interrupted()) return false;
       std::vector<Vector> x = now.x;
       for (std::size_t k = 0; k < x.size(); ++k) x[k] += share * dx[k];

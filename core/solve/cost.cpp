@@ -32,15 +32,15 @@ double sweeps_of(Method method) {
   return method == Method::contour ? iteration_sweeps : cycles(method) ? sweeps_in_cycles : 1;
 }
 
-struct Part {
+struct MemoryPart {
   double bytes;
   const char* what;
 };
 
-Cost sum(const std::vector<Part>& parts, double operations) {
+Cost sum(const std::vector<MemoryPart>& parts, double operations) {
   Cost cost{0, operations, ""};
   double most = -1;
-  for (const Part& part : parts) {
+  for (const MemoryPart& part : parts) {
     cost.bytes += part.bytes;
     if (part.bytes > most) cost.largest = part.what;
     most = std::max(most, part.bytes);
@@ -57,7 +57,7 @@ struct Sizes {
 };
 
 // Memory of the grids of a multigrid method, beyond y, v and r of one grid.
-Part grids(const Sizes& s, Method method, double arrays) {
+MemoryPart grids(const Sizes& s, Method method, double arrays) {
   return {cycles(method) ? number * arrays * s.J * s.n : 0, "arrays of all time grids"};
 }
 
@@ -103,7 +103,7 @@ Cost galerkin(const Sizes& s, bool two_point) {
 }
 
 // Where sweeps on the coarsest grid do not suffice, it is marched.
-Part coarsest_march(const Sizes& s, Method method) {
+MemoryPart coarsest_march(const Sizes& s, Method method) {
   return {cycles(method) && s.edges == 0 ? number * 6 * s.n * s.n : 0, problems};
 }
 
@@ -134,7 +134,7 @@ bool tabulates_poles(const Sizes& s) { return s.J * s.n * s.n >= fewest_tabulate
 
 // A table of values at all nodes and one to fit from, then the residues; a sweep is two products with a state of
 // typical_poles n numbers at most.
-Cost by_poles(const Sizes& s, Method method, Part solver, double setup) {
+Cost by_poles(const Sizes& s, Method method, MemoryPart solver, double setup) {
   const double n = s.n, rows = typical_poles * (n + s.k + 1);
   return sum({{s.table(), tables},
               grids(s, method, 6),
@@ -219,20 +219,20 @@ Sizes sizes(const Scene& scene, Index J, Index components, int threads = 1) {
 double padded(double n) { return n < 16 ? n : 8 * std::ceil(n / 8); }
 
 // An FFT over lag weights: their spectrum, the column of y_0, and spectra with workspaces of all columns.
-Part lag_weights(const Sizes& s) { return {number * s.J * (3 * s.n * s.n + 10 * s.n), weights}; }
+MemoryPart lag_weights(const Sizes& s) { return {number * s.J * (3 * s.n * s.n + 10 * s.n), weights}; }
 
-void add_state_plans(const Sizes& s, Method method, std::vector<Part>& parts) {
+void add_state_plans(const Sizes& s, Method method, std::vector<MemoryPart>& parts) {
   parts.push_back({number * (4 * s.m * s.m + 3 * s.m * s.n), states});
   parts.push_back({number * 6 * s.n * s.n, problems});
   if (s.k > 0 && !iterates(method)) parts.push_back({number * s.J * s.m, "the source at all times (J x m)"});
   if (!convolves(method)) return;
   // 16 bytes m^2 for each of 26 nodes of a window, in groups of at most 1 GiB (kernels/resolvent.cu).
   parts.push_back({std::min(1.1e9, 420 * s.m * s.m), "shifted solves of the nodes"});
-  parts.push_back(scanned(s) ? Part{number * 2 * s.m * std::sqrt(s.J), "states at the starts of chunks of time"}
+  parts.push_back(scanned(s) ? MemoryPart{number * 2 * s.m * std::sqrt(s.J), "states at the starts of chunks of time"}
                              : lag_weights(s));
 }
 
-void add_modal_plans(const Sizes& s, Method method, std::vector<Part>& parts) {
+void add_modal_plans(const Sizes& s, Method method, std::vector<MemoryPart>& parts) {
   if (!iterates(method)) {
     parts.push_back({number * (s.edges > 0 ? 12 * 60 * s.n : 6 * s.n * s.n), problems});
     parts.push_back({number * 4 * s.m, "modes of the state"});
@@ -250,10 +250,10 @@ void add_modal_plans(const Sizes& s, Method method, std::vector<Part>& parts) {
                    "the sine transform"});
 }
 
-void add_plans(const LinearSystem& system, const Sizes& s, Method method, std::vector<Part>& parts) {
+void add_plans(const LinearSystem& system, const Sizes& s, Method method, std::vector<MemoryPart>& parts) {
   if (system.small_state()) return add_state_plans(s, method, parts);
   if (system.modes()) return add_modal_plans(s, method, parts);
-  parts.push_back(convolves(method) ? lag_weights(s) : Part{number * s.J * s.c, tables});
+  parts.push_back(convolves(method) ? lag_weights(s) : MemoryPart{number * s.J * s.c, tables});
 }
 
 std::string amount(double value, const char* unit) { return text("%.3g %s", value, unit); }
@@ -285,7 +285,7 @@ Cost predicted_device_cost(const Scene& scene, Method method, Index J, Index com
   // Iterating: y, v, r, two in modes, the first q, one to work in. Cycles: y, v, r, y~ and two in modes on all grids,
   // y_h on the two below the finest, one to work in. Marching: y, v, r, the source, and as much in the plan.
   const double arrays = cycles(method) ? (s.edges > 0 ? 15 : 14) : iterates(method) ? 7 : 8;
-  std::vector<Part> parts{{number * s.J * padded(s.n) * arrays + 32 * s.J, tables}};
+  std::vector<MemoryPart> parts{{number * s.J * padded(s.n) * arrays + 32 * s.J, tables}};
   add_plans(*scene.dynamics, s, method, parts);
   return sum(parts, 0);
 }

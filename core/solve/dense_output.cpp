@@ -8,13 +8,12 @@
 #include "core/kernel/states.hpp"
 #include "core/kernel/step_defects.hpp"
 #include "core/result/located.hpp"
+#include "core/result/located_solution.hpp"
 #include "core/scene/breakpoints.hpp"
 #include "core/solve/adapted_march.hpp"
 #include "core/solve/given_steps.hpp"
-#include "core/solve/located_values.hpp"
 #include "core/solve/mixed.hpp"
 #include "core/solve/reductions.hpp"
-#include "core/solve/shooting_control.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -241,6 +240,18 @@ void sample_by_steps(const Scene& given, Backend& backend, const Result& result,
   }
 }
 
+// Rows at these times, still unknown.
+Result rows_at(const std::vector<double>& times, const Result& result) {
+  Result rows = result;
+  const Index count = Index(times.size());
+  rows.t = Eigen::Map<const Vector>(times.data(), count);
+  rows.y = RowMatrix::Constant(count, result.y.cols(), NAN);
+  rows.x = RowMatrix::Constant(count, Index(result.x_components.size()), NAN);
+  rows.trace = RowMatrix::Constant(count, result.trace.cols(), NAN);
+  rows.y_integral.resize(0, 0);
+  return rows;
+}
+
 bool any_inside(const std::vector<double>& times, double begin, double end) {
   const auto next = std::upper_bound(times.begin(), times.end(), begin);
   return next != times.end() && *next < end;
@@ -283,25 +294,18 @@ void sample_intervals(const Scene& given, Backend& backend, const Result& result
   }
 }
 
-// Method events: values between the time points are those of one more integration. False if that ends early.
-bool sample_located(const Scene& scene, const Result& result, const std::vector<Place>& places, Result& sampled) {
-  if (result.method != Method::events || on_grid(places)) return false;
-  const auto values = LocatedValues::find(scene);
-  if (!values) return false;
-  for (Index k = 0; k < Index(places.size()); ++k) {
-    const Place& at = places[std::size_t(k)];
-    sampled.y.row(k) = result.y.row(at.row);
-    sampled.x.row(k) = result.x.row(at.row);
-    if (at.part == 0) continue;
-    sampled.y.row(k).setConstant(NAN);
-    sampled.x.row(k).setConstant(NAN);
-    if (!result.y.row(at.row + 1).allFinite()) continue;
-    sampled.y.row(k) = values->y(sampled.t[k]).transpose();
-    const Vector x = values->x(sampled.t[k]);
-    sampled.x.row(k) = x(result.x_components).transpose();
-    if (sampled.trace.cols() > 0) sampled.trace.row(k) = observe(scene.dynamics, x).transpose();
+// Between located switches: values of the polynomials, at jumps the limits from the left.
+Result of_polynomials(const Scene& scene, const Result& result, const std::vector<double>& times) {
+  const LocatedSolution* located = result.located.get();
+  Result sampled = rows_at(times, result);
+  for (std::size_t k = 0; k < times.size(); ++k) {
+    if (!located || located->pieces.empty() || times[k] > located->until * (1 + 4 * epsilon)) continue;
+    const Vector x = located->x(times[k], true);
+    sampled.y.row(Index(k)) = located->y(times[k], true).cwiseMax(0).transpose();
+    sampled.x.row(Index(k)) = x(result.x_components).transpose();
+    if (sampled.trace.cols() > 0) sampled.trace.row(Index(k)) = observe(scene.dynamics, x).transpose();
   }
-  return true;
+  return sampled;
 }
 
 // Method march under a tolerance: it is marched once more, with rows at these times. NaN where that fails.
@@ -347,23 +351,16 @@ Result sample_reduced(const Scene& scene, Backend& backend, const InnerOptions& 
     return without_free_rows(scene, *eliminated, backend, options, result, times);
   std::vector<Place> places;
   for (const double t : times) places.push_back(place(result, scene.T, t));
-  Result sampled = result;
-  const Index count = Index(times.size());
-  sampled.t = Eigen::Map<const Vector>(times.data(), count);
-  sampled.y.resize(count, result.y.cols());
-  sampled.x = RowMatrix::Constant(count, Index(result.x_components.size()), NAN);
-  sampled.trace = RowMatrix::Constant(count, result.trace.cols(), NAN);
-  sampled.y_integral.resize(0, 0);
+  Result sampled = rows_at(times, result);
   if (has_own_steps(result) && !on_grid(places)) {
     sample_own_steps(scene, options, result, sampled);
   } else if (result.y_left.size() > 0) {
     sample_intervals(scene, backend, result, sampled);
     sampled.y_left.resize(0, 0);
-  } else if (!sample_located(scene, result, places, sampled)) {
-    if (by_steps(scene, result))
-      sample_by_steps(scene, backend, result, places, sampled);
-    else
-      sample(scene, backend, result, places, sampled);
+  } else if (by_steps(scene, result)) {
+    sample_by_steps(scene, backend, result, places, sampled);
+  } else {
+    sample(scene, backend, result, places, sampled);
   }
   return sampled;
 }
@@ -383,19 +380,16 @@ void keep_rows(const Result& result, double T, Result& sampled) {
   }
 }
 
-// Method shooting: that of method events from its x(0).
-Result of_start(const Scene& scene, Backend& backend, Result result, const std::vector<double>& times) {
-  result.method = Method::events;
-  Result sampled = at_times(from_start(scene, result), backend, result, times);
-  sampled.method = Method::shooting;
-  return sampled;
-}
-
 }  // namespace
 
 Result at_times(const Scene& scene, Backend& backend, const Result& result, const std::vector<double>& times) {
   if (result.goal) throw Error("result", "is of method goal", "its time points are the answer");
-  if (result.method == Method::shooting && locates_switches(result)) return of_start(scene, backend, result, times);
+  for (const double t : times) place(result, scene.T, t);
+  if (locates_switches(result)) {
+    Result sampled = of_polynomials(scene, result, times);
+    keep_rows(result, scene.T, sampled);
+    return sampled;
+  }
   InnerOptions options;
   options.method = result.method;
   options.states = StateSelection::list;

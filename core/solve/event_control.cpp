@@ -4,6 +4,7 @@
 #include "core/base/timer.hpp"
 #include "core/events/collocation.hpp"
 #include "core/lcp/lcp_class.hpp"
+#include "core/result/switching.hpp"
 #include "core/solve/error_goal.hpp"
 #include "core/solve/event_rows.hpp"
 
@@ -105,15 +106,15 @@ class EventControl {
       tolerances_[0] = std::max(finest_first, ratio * tolerances_[0]);
       coarse = integrate(tolerances_[0], 1);
     }
-    if (!coarse.complete) return ended_early(coarse);
+    if (!coarse.complete) return ended_early(std::move(coarse));
     for (;;) {
       tolerances_.push_back(std::max(finest_tolerance, ratio * tolerances_.back()));
       EventSolution fine = integrate(tolerances_.back(), tolerances_.size());
-      if (!fine.complete) return with_coarser(coarse, fine);
+      if (!fine.complete) return with_coarser(std::move(coarse), std::move(fine));
       if (tolerances_.size() == 2) choose_grid(fine);
       compare(coarse, fine);
       if (std::max(of_y_, of_x_) <= agreed * tolerance_ || tolerances_.back() <= finest_tolerance)
-        return finished(fine);
+        return finished(std::move(fine));
       coarse = std::move(fine);
     }
   }
@@ -130,14 +131,14 @@ class EventControl {
   }
 
   // Where the finer integration did not come to its end, a coarser one is compared with the one there is.
-  Result with_coarser(const EventSolution& known, const EventSolution& failed) {
-    if (failed.interrupted || tolerances_.size() != 2) return ended_early(failed);
+  Result with_coarser(EventSolution known, EventSolution failed) {
+    if (failed.interrupted || tolerances_.size() != 2) return ended_early(std::move(failed));
     tolerances_ = {tolerances_[0] / ratio, tolerances_[0]};
     const EventSolution coarse = integrate(tolerances_[0], 3);
-    if (!coarse.complete) return ended_early(failed);
+    if (!coarse.complete) return ended_early(std::move(failed));
     choose_grid(known);
     compare(coarse, known);
-    return std::max(of_y_, of_x_) <= agreed * tolerance_ ? finished(known) : ended_early(failed);
+    return std::max(of_y_, of_x_) <= agreed * tolerance_ ? finished(std::move(known)) : ended_early(std::move(failed));
   }
 
   void look_at_sizes(const EventSolution& s) {
@@ -159,11 +160,12 @@ class EventControl {
   }
 
   // The error of the less accurate solution, in of_y_ and of_x_; the other one is returned.
-  void compare(const EventSolution& coarse, const EventSolution& fine) {
+  void compare(const EventSolution& coarse, EventSolution& fine) {
     Result a, b;
     rows_->fill(coarse, components_, false, a);
     rows_->fill(fine, components_, false, b);
     look_at_sizes(fine);
+    fine.switches = switches_beside(fine, coarse);
     const Distance d = distance(a, 1, b, 1, sizes_);
     of_mean_ = !coarse.continuous || !fine.continuous;
     doubt_ = largest_share(fine.doubt, of_mean_ ? sizes_.of_mean(b) : sizes_.of_y(b));
@@ -173,6 +175,15 @@ class EventControl {
     one_of_several_ = goal_.of_y && of_y > most && of_x_ <= most ? other_y(b, true) : std::nullopt;
     of_y_ = goal_.of_y ? std::max({rounding, one_of_several_ ? motion(a, b) : of_y, doubt_}) : 0;
     if (goal_.error_of_start) add_error_of_start(fine, b);
+  }
+
+  // With what both differ by; a row's distance where the other one has none.
+  std::vector<Switch> switches_beside(const EventSolution& fine, const EventSolution& coarse) const {
+    std::vector<Switch> found = switches_of(fine);
+    const std::vector<double> apart =
+        distances(found, switches_of(coarse), scene_.T / double(steps_of(scene_, options_)));
+    for (std::size_t k = 0; k < found.size(); ++k) found[k].error += apart[k];
+    return found;
   }
 
   void add_error_of_start(const EventSolution& fine, const Result& rows) {
@@ -211,7 +222,8 @@ class EventControl {
                                 s.pieces.size() * 8 * std::size_t(scene_.states() + scene_.constraints()));
   }
 
-  Result ended_early(const EventSolution& s) {
+  Result ended_early(EventSolution s) {
+    if (s.switches.empty()) s.switches = switches_of(s);
     Result r;
     rows_->fill(s, components_, options_.trace, r);
     describe(s, r);
@@ -219,13 +231,16 @@ class EventControl {
     r.reason = s.reason;
     if (s.end == EventEnd::several_solutions) cause_ = Notice{.code = NoticeCode::other_state, .t = s.until};
     if (s.end == EventEnd::out_of_work) cause_ = Notice{NoticeCode::too_many_steps};
+    r.located = std::make_shared<const LocatedSolution>(std::move(s));
     return r;
   }
 
-  Result finished(const EventSolution& s) {
+  Result finished(EventSolution s) {
     Result r;
     rows_->fill(s, components_, options_.trace, r);
     describe(s, r);
+    const bool unique = s.unique;
+    r.located = std::make_shared<const LocatedSolution>(std::move(s));
     r.residual = rows_->residual(r);
     const double error = std::max(of_y_, of_x_);
     if (std::isfinite(error)) r.error_estimate = error;
@@ -241,7 +256,7 @@ class EventControl {
                       tolerances_[tolerances_.size() - 2], tolerances_.back(), error);
     if (met)
       if (const auto other = one_of_several_ ? one_of_several_ : other_y(r, false)) tell(r, *other);
-    if (!s.unique) tell(r, {NoticeCode::may_be_others});
+    if (!unique) tell(r, {NoticeCode::may_be_others});
     if (!chooses_grid() || !r.error_estimate) return r;
     ErrorEstimate e;
     e.tolerance = goal_.tolerance;

@@ -33,9 +33,9 @@ EventGoal event_goal(const InnerOptions&, double most_work = patient_events);
 /// EventOptions::longest_step of the first integration of solve_by_events.
 double first_longest_step(double T);
 
-/// A small scene by located events (core/events): two integrations, the second a thousand times as accurate. The first
-/// is returned, and its difference to the second is the estimate of its error. If that is above the tolerance, the
-/// second is compared with a third.
+/// A small scene by located events (core/events): two integrations, the second a thousand times as accurate. The second
+/// is returned, and its difference to the first is the estimate of its error, and of its switching times. If that is
+/// above the tolerance, the second is compared with a third.
 ///
 /// With a tolerance the rows of the result are those of a grid of at least the scene's default steps, halved until y
 /// and x are linear between them to the tolerance, where they are continuous. Without one the grid is that of the

@@ -1,6 +1,7 @@
 #include "core/solve/reductions.hpp"
 
 #include "core/base/timer.hpp"
+#include "core/result/located_solution.hpp"
 #include "core/scene/mass_matrix.hpp"
 #include "core/scene/port_hamiltonian.hpp"
 #include "core/scene/separable.hpp"
@@ -9,6 +10,8 @@
 #include "core/solve/scaling.hpp"
 #include "core/solve/symmetric_form.hpp"
 
+#include <algorithm>
+#include <numeric>
 #include <utility>
 
 namespace bromwich {
@@ -81,6 +84,45 @@ std::optional<Reduction> free_rows(const Scene& scene, const InnerOptions& optio
   return without_free_rows(scene, {kept, kept->without_free_rows(scene)}, options);
 }
 
+// Coefficients of polynomials change as rows do: all of a solution are written as rows, and read back from them.
+class CoefficientRows {
+ public:
+  explicit CoefficientRows(LocatedSolution& s) : s_(s) {
+    Index rows = 0;
+    for (const EventPiece& p : s.pieces) rows += p.x.rows() + 1 + Index(p.impulses.size());
+    rows_.x = RowMatrix::Zero(rows, s.pieces.front().x.cols());
+    rows_.y = RowMatrix::Zero(rows, s.pieces.front().y.cols());
+    rows_.x_components.resize(std::size_t(rows_.x.cols()));
+    std::iota(rows_.x_components.begin(), rows_.x_components.end(), Index(0));
+    Index next = 0;
+    for (const EventPiece& p : s.pieces) {
+      rows_.x.middleRows(next, p.x.rows()) = p.x;
+      rows_.y.middleRows(next, p.y.rows()) = p.y;
+      next += p.x.rows();
+      rows_.y.row(next++) = p.integral.transpose();
+      for (const EventImpulse& impulse : p.impulses) rows_.y.row(next++) = impulse.p.transpose();
+    }
+  }
+
+  Result& rows() { return rows_; }
+
+  void read_back() {
+    Index next = 0;
+    for (EventPiece& p : s_.pieces) {
+      const Index degrees = p.x.rows();
+      p.x = rows_.x.middleRows(next, degrees);
+      p.y = rows_.y.middleRows(next, degrees);
+      next += degrees;
+      p.integral = rows_.y.row(next++).transpose();
+      for (EventImpulse& impulse : p.impulses) impulse.p = rows_.y.row(next++).transpose();
+    }
+  }
+
+ private:
+  LocatedSolution& s_;
+  Result rows_;
+};
+
 }  // namespace
 
 bool needs_galerkin(const Scene& scene, const InnerOptions& options) {
@@ -129,6 +171,14 @@ void Reductions::back(Result& result) const {
 
 Result Reductions::of_solve(Result result) const {
   Timer timer;
+  const bool changes = std::any_of(made_.begin(), made_.end(), [](const Reduction& r) { return bool(r.back); });
+  if (changes && result.located && !result.located->pieces.empty()) {
+    auto located = std::make_shared<LocatedSolution>(*result.located);
+    CoefficientRows coefficients(*located);
+    back(coefficients.rows());
+    coefficients.read_back();
+    result.located = std::move(located);
+  }
   for (auto r = made_.rbegin(); r != made_.rend(); ++r) {
     if (r->back) r->back(result);
     if (r->finish) r->finish(result);

@@ -75,8 +75,6 @@ std::string unsuited_to_shooting(const Scene& scene) {
   return unsuited_to_events(started);
 }
 
-Scene from_start(const Scene& scene, const Result& result) { return with_start(scene, result.start); }
-
 Result solve_by_shooting(const Scene& given, Backend& backend, const InnerOptions& options, const Vector& start) {
   Timer timer;
   require_independent_rows(*given.boundary);

@@ -19,7 +19,4 @@ std::string unsuited_to_shooting(const Scene&);
 /// empty from rest.
 Result solve_by_shooting(const Scene&, Backend&, const InnerOptions&, const Vector& start = {});
 
-/// The scene with the x(0) of a result of method shooting as its initial values.
-Scene from_start(const Scene&, const Result&);
-
 }  // namespace bromwich

@@ -1,9 +1,7 @@
 #include "core/solve/switch_errors.hpp"
 
 #include "core/base/error.hpp"
-#include "core/result/located.hpp"
-#include "core/solve/located_values.hpp"
-#include "core/solve/shooting_control.hpp"
+#include "core/result/result.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -34,46 +32,12 @@ std::optional<Result> on_another_grid(const Scene& scene, Backend& backend, cons
   return std::nullopt;
 }
 
-// Those of the finest integration with located switches that comes to its end, and how far they are from those of the
-// next one. Nothing where the scene is of another kind.
-std::optional<std::vector<Switch>> located_switches(const Scene& scene, double unknown) {
-  std::optional<std::vector<Switch>> found;
-  for (const double tolerance : {1e-12, 1e-10, 1e-8}) {
-    const std::optional<LocatedValues> values = LocatedValues::find(scene, tolerance);
-    if (!values) continue;
-    const std::vector<Switch> all = values->switches();
-    if (!found) {
-      found = all;
-      continue;
-    }
-    const std::vector<double> apart = distances(*found, all, unknown);
-    for (std::size_t k = 0; k < apart.size(); ++k) (*found)[k].error += apart[k];
-    return found;
-  }
-  return std::nullopt;
-}
-
 }  // namespace
-
-std::vector<double> distances(const std::vector<Switch>& found, const std::vector<Switch>& other, double none) {
-  std::vector<double> apart;
-  for (const Switch& s : found) {
-    double nearest = INFINITY;
-    for (const Switch& o : other)
-      if (o.component == s.component && o.on == s.on) nearest = std::min(nearest, std::abs(o.t - s.t));
-    apart.push_back(std::isfinite(nearest) ? nearest : none);
-  }
-  return apart;
-}
 
 std::vector<Switch> switches_with_errors(const Scene& scene, Backend& backend, const Options& options,
                                          const Result& result) {
-  if (locates_switches(result) && result.status == Status::solved) {
-    const Scene started = scene.boundary ? from_start(scene, result) : scene;
-    if (auto located = located_switches(started, scene.T / double(result.steps))) return std::move(*located);
-  }
   std::vector<Switch> found = switches(result);
-  if (found.empty() || result.goal) return found;
+  if (found.empty() || result.goal || result.located) return found;
   const double h = scene.T / double(result.steps);
   std::vector<double> apart(found.size(), 0);
   for (const Index steps : {result.steps / 2, result.steps * 3 / 4}) {

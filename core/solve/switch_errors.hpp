@@ -10,11 +10,7 @@ namespace bromwich {
 
 /// switches(result). The error of each is that of interpolation plus the difference from the coarser grids, or h if
 /// they do not have the switch; at least h/2 if y may jump from step to step. Takes about 1.25 times the work of the
-/// result. Of a result by method events: those of one more integration with located switches, compared with another
-/// one.
+/// result. Located switches have the difference of two integrations already.
 std::vector<Switch> switches_with_errors(const Scene&, Backend&, const Options&, const Result&);
-
-/// For each switch the distance to the nearest one of its component and direction in `other`; `none` if there is none.
-std::vector<double> distances(const std::vector<Switch>& found, const std::vector<Switch>& other, double none);
 
 }  // namespace bromwich

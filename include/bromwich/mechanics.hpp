@@ -135,7 +135,7 @@ struct ContactReport {
   MechanicalEnergy energy;
 };
 
-/// Of a solved result with all states. Throws Error where they were not recorded.
+/// Of a solved result with located switches, or with all states. Throws Error where steps have not recorded them.
 ContactReport contact_report(const Mechanism&, const Result&);
 
 }  // namespace bromwich

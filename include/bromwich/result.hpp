@@ -66,6 +66,7 @@ struct ErrorEstimate {
 };
 
 struct GoalReport;
+struct LocatedSolution;
 struct Scene;
 struct StepDefects;
 
@@ -91,18 +92,20 @@ struct Certificate {
 struct Solution {
   Vector t;     ///< J+1 times
   RowMatrix y;  ///< (J+1) x n; rows after the last valid time are NaN
-  /// J x n, method galerkin: y at the left end of step j (y.row(j+1) is its right end); for Radau IIA at a third of the
-  /// step. Empty for other methods.
+  /// J x n, method galerkin: y at the left end of step j (y.row(j+1) is its right end); where interval_rules has Radau
+  /// IIA, at a third of the step. Empty for other methods.
   RowMatrix y_left;
   /// (J+1) x n, the integral of y over [0, t_j] with the quadrature of the steps, including impulses on the state.
   /// Empty if it follows from y_left or from linear interpolation of the rows of y.
   RowMatrix y_integral;
   /// Method galerkin: the rule of each step; empty if all use the Galerkin discretisation.
   std::vector<IntervalRule> interval_rules;
-  RowMatrix x;                       ///< (J+1) x requested components of the state
-  std::vector<Index> x_components;   ///< their indices
-  RowMatrix trace;                   ///< (J+1) x n, N x if requested; w = trace + M y + g
-  Vector start;                      ///< m, method shooting with a boundary condition: x(0)
+  RowMatrix x;                      ///< (J+1) x requested components of the state
+  std::vector<Index> x_components;  ///< their indices
+  RowMatrix trace;                  ///< (J+1) x n, N x if requested; w = trace + M y + g
+  Vector start;                     ///< m, method shooting with a boundary condition: x(0)
+  /// Methods that locate switches: polynomials between them, which the rows are values of; otherwise null.
+  std::shared_ptr<const LocatedSolution> located;
   bool continuous = true;            ///< y is linear between its rows; false: it may jump from step to step
   bool starts_with_impulse = false;  ///< x0 violates the constraints: the state jumps at t = 0, y_0 is an impulse
   /// Steps that were divided into parts, for states computed afterwards; null if none.
@@ -199,7 +202,7 @@ struct Switch {
 };
 
 /// The switches of all components of a result, in order of time, up to the first invalid row. `negligible`: y below
-/// this part of its largest value counts as 0.
+/// this part of its largest value counts as 0. Where they were located, these, with what two integrations differ by.
 std::vector<Switch> switches(const Solution&, double negligible = 1e-12);
 
 /// What a relay does at a switch: lambda is -1, 1, or 0 for a value between them (sliding).

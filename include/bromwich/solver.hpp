@@ -27,8 +27,8 @@ Matrix states_at(const Scene&, Backend&, const Result&, const std::vector<Index>
 //
 // by one step of the discretisation itself. Where y is no line (a constraint switches in the step, or a source jumps or
 // has a kink), the problem of a step of length s from x_j is solved. So it is if y may jump from step to step (M
-// singular, implicit Euler), and for x of sparse dynamics. Results of methods events and shooting have the values of
-// one more integration with located switches.
+// singular, implicit Euler), and for x of sparse dynamics. Results with located
+// switches keep the polynomials between them, and nothing is solved again.
 
 /// The result with rows at `times` instead of its time points: t, y, the recorded components of x, and N x if it is
 /// recorded. Rows after the end of the result are NaN; so is N x between time points if no x is recorded or the scene

@@ -34,7 +34,7 @@ class Result(Rows):
 
     @property
     def y_left(self) -> np.ndarray:
-        """J x n, method galerkin and Radau IIA: y inside step j, at its left end or at a third. Otherwise 0 x 0."""
+        """J x n, method galerkin: y at the left end of step j, of Radau IIA at a third of it. Otherwise 0 x 0."""
         return self._answer.y_left
 
     @property
@@ -144,23 +144,22 @@ class Result(Rows):
     def switches(self) -> list[Switch]:
         """When constraints become active and inactive, in order of time.
 
-        Those of method ``events`` are located by two more integrations. Those of other methods are interpolated between
-        the rows, and the errors are those of interpolation.
+        Those of method ``events`` are located, and two integrations differ by the errors. Those of other methods are
+        interpolated between the rows, and the errors are those of interpolation.
         """
         return [Switch(*s) for s in self._answer.switches(False)]
 
     def switches_with_errors(self) -> list[Switch]:
-        """The same with errors that include those of the grid: solves again on coarser grids, 1.25 times the work."""
+        """The same with errors that include those of the grid: where they are not located, by solves on coarser grids."""
         return [Switch(*s) for s in self._answer.switches(True)]
 
     def at(self, t: float | Iterable[float]) -> Result:
         """The result at other times: a row of ``t``, ``y``, ``w`` and the recorded ``x`` for each.
 
-        Times of rows give these rows. Between them a result of method ``events`` has the values of one more integration
-        with located switches. For other methods the scene is solved again from the row before up to the requested time,
-        so that a switch or a jump inside the step is followed. Two cases need no further solve: method ``galerkin``, whose
-        y is linear on its interval, and steps of Kronecker sums (or of y alone of sparse scenes) in which nothing switches
-        or jumps. Where the state at the rows was not recorded and cannot be computed from y, the whole scene is solved
+        Times of rows give these rows. Between them a result with located switches has the values of its polynomials. For
+        other methods the scene is solved again from the row before up to the requested time, so that a switch or a jump
+        inside the step is followed. Two cases need no further solve: method ``galerkin``, whose y is linear on its
+        interval, and steps of Kronecker sums (or of y alone of sparse scenes) in which nothing switches or jumps. Where the state at the rows was not recorded and cannot be computed from y, the whole scene is solved
         again.
 
         Raises:

@@ -5,7 +5,6 @@
 #include "calls.hpp"
 #include "core/base/error.hpp"
 #include "core/result/estimated_quantity.hpp"
-#include "core/result/located.hpp"
 #include "core/result/slack.hpp"
 #include "core/result/switching.hpp"
 #include "core/solve/dense_output.hpp"
@@ -53,7 +52,7 @@ nb::list in_list(const std::vector<Switch>& found, const std::vector<Index>& fre
 nb::list switches_of(const Answer& answer, bool with_errors) {
   std::vector<Switch> found = [&] {
     const nb::gil_scoped_release unlocked;
-    if (!with_errors && !locates_switches(answer.result)) return switches(answer.result);
+    if (!with_errors) return switches(answer.result);
     const std::lock_guard lock(answer.machine->busy);
     return switches_with_errors(answer.model->scene, *answer.machine->backend, answer.options, answer.result);
   }();

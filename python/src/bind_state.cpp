@@ -4,6 +4,7 @@
 #include "core/base/error.hpp"
 #include "core/goal/options.hpp"
 #include "core/kernel/step_defects.hpp"
+#include "core/result/located_solution.hpp"
 #include "module.hpp"
 #include "sources.hpp"
 
@@ -92,6 +93,12 @@ void members_of_result(const Each& each, R& r) {
   each("lcp_unsolved", r.lcp.unsolved), each("bytes", r.bytes), each("bytes_predicted", r.bytes_predicted);
 }
 
+template <class Each, class P>
+void members_of_piece(const Each& each, P& p) {
+  each("begin", p.begin), each("length", p.length), each("end", p.end), each("x", p.x), each("y", p.y);
+  each("integral", p.integral), each("active", p.active), each("event", p.event), each("passed", p.passed);
+}
+
 template <class Each, class C>
 void members_of_cycle(const Each& each, C& c) {
   each("cells", c.cells), each("sizes", c.sizes), each("quantity", c.quantity), each("estimate", c.estimate);
@@ -115,6 +122,41 @@ void members_of_options(const Each& each, O& o) {
   each("event_location", o.event_location), each("confirm", o.confirm), each("memory_limit", o.memory_limit);
 }
 
+nb::dict state_of(const LocatedSolution& s) {
+  nb::dict d;
+  nb::list pieces, switches;
+  for (const EventPiece& p : s.pieces) {
+    nb::dict piece;
+    nb::list impulses;
+    members_of_piece(Writer{piece}, p);
+    for (const EventImpulse& impulse : p.impulses) impulses.append(nb::make_tuple(impulse.active, impulse.p));
+    piece["impulses"] = impulses;
+    pieces.append(piece);
+  }
+  for (const Switch& w : s.switches) switches.append(nb::make_tuple(w.t, w.component, w.on, w.error));
+  d["pieces"] = pieces;
+  d["switches"] = switches;
+  d["until"] = s.until;
+  return d;
+}
+
+std::shared_ptr<const LocatedSolution> located_from(const nb::dict& d) {
+  auto s = std::make_shared<LocatedSolution>();
+  s->until = nb::cast<double>(d["until"]);
+  for (const nb::handle entry : nb::cast<nb::list>(d["pieces"])) {
+    const auto piece = nb::cast<nb::dict>(entry);
+    EventPiece p{};
+    members_of_piece(Reader{piece}, p);
+    for (const nb::handle impulse : nb::cast<nb::list>(piece["impulses"]))
+      p.impulses.push_back({nb::cast<std::vector<Index>>(impulse[0]), nb::cast<Vector>(impulse[1])});
+    s->pieces.push_back(std::move(p));
+  }
+  for (const nb::handle w : nb::cast<nb::list>(d["switches"]))
+    s->switches.push_back(
+        {nb::cast<double>(w[0]), nb::cast<Index>(w[1]), nb::cast<bool>(w[2]), nb::cast<double>(w[3])});
+  return s;
+}
+
 nb::dict state_of(const Result& r) {
   nb::dict d, seconds;
   members_of_result(Writer{d}, r);
@@ -129,6 +171,7 @@ nb::dict state_of(const Result& r) {
     d["errors"] = errors;
   }
   if (r.certificate) d["certificate"] = dict_of(*r.certificate);
+  if (r.located) d["located"] = state_of(*r.located);
   if (r.defects) d["defects"] = nb::make_tuple(r.defects->steps, r.defects->values);
   if (r.goal) {
     nb::dict goal;
@@ -167,6 +210,7 @@ Result result_from(const nb::dict& d) {
   }
   if (d.contains("certificate"))
     members_of_certificate(Reader{nb::cast<nb::dict>(d["certificate"])}, r.certificate.emplace());
+  if (d.contains("located")) r.located = located_from(nb::cast<nb::dict>(d["located"]));
   if (d.contains("defects")) {
     const auto parts = nb::cast<nb::tuple>(d["defects"]);
     r.defects = std::make_shared<const StepDefects>(

@@ -144,7 +144,7 @@ TEST_F(Cli, ProgressSaysHowLongItTakes) {
   if (std::system("command -v script >/dev/null && command -v timeout >/dev/null") != 0)
     GTEST_SKIP() << "no program 'script' or 'timeout'";
   const std::string inside = "timeout --foreground -s INT 2.5 \"" BROMWICH_CLI "\" solve " BROMWICH_EXAMPLES
-                             "/boost.toml --set T=10 --method events >/dev/null";
+                             "/boost.toml --set T=4 --method events >/dev/null";
   const std::string shell = "script -qc '" + inside + "' '" + (folder_ / "tty").string() + "' >/dev/null </dev/null";
   ASSERT_NE(std::system(shell.c_str()), -1);
   const std::string tty = read(folder_ / "tty");

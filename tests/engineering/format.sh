@@ -15,8 +15,8 @@ if echo 'int  bad( ) ;' | "$tool" --dry-run -Werror 2>/dev/null; then
   exit 1
 fi
 
-mapfile -d '' files < <(find . \( -name 'build*' -o -name '.*' ! -name . \) -prune -o \
-  -type f \( -name '*.cpp' -o -name '*.hpp' -o -name '*.cu' -o -name '*.cuh' \) -print0 | sort -z)
+mapfile -d '' files < <(find . \( -name 'build*' -o -name third_party -o -name '.*' ! -name . \) -prune -o \
+  -type f \( -name '*.cpp' -o -name '*.hpp' -o -name '*.cu' -o -name '*.cuh' -o -name '*.h' -o -name '*.c' \) -print0 | sort -z)
 ((${#files[@]} > 100)) || { echo "format: only ${#files[@]} files found in $PWD"; exit 1; }
 "$tool" --dry-run -Werror "${files[@]}"
 echo "format: ${#files[@]} files"

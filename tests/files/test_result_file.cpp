@@ -6,10 +6,12 @@
 #include "files/stored_result.hpp"
 #include "files/sweep_file.hpp"
 #include "tests/files/hdf5_reading.hpp"
+#include "tests/support/archive.hpp"
 
 #include <hdf5_hl.h>
 #include <unistd.h>
 
+#include <array>
 #include <fstream>
 #include <numeric>
 #include <random>
@@ -250,6 +252,72 @@ TEST_F(ResultFileTest, DamagedCheckpoints) {
       read_checkpoint(target("d.h5"));
     } catch (const Error&) {
     }
+  }
+}
+
+std::string bytes_of(const fs::path& path) {
+  std::ifstream stream(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(stream), {}};
+}
+
+/// The message of an Error, or "" where there is none.
+template <class Read>
+std::string refusal(Read&& read) {
+  try {
+    read();
+  } catch (const Error& error) {
+    return error.what();
+  }
+  return "";
+}
+
+/// An array of NumPy whose header says this of its type and its shape.
+std::string numpy_array(const std::string& type, const std::string& shape, const std::string& bytes) {
+  const std::string header = "{'descr': '" + type + "', 'fortran_order': False, 'shape': (" + shape + "), }\n";
+  return std::string("\x93NUMPY\x01\x00", 8) + char(header.size()) + '\0' + header + bytes;
+}
+
+// A file that claims more than it holds is refused before memory is taken for it.
+TEST_F(ResultFileTest, ArchivesThatClaimMore) {
+  const std::string three(24, '\0');
+  const auto refused = [&](const std::string& t, const std::string& names) {
+    write_archive(folder_ / "d.npz", {{"t", t}, {"constraint_name", names}});
+    return refusal([&] { read_npz(target("d.npz")); });
+  };
+  const std::string right = numpy_array("<f8", "3,", three),
+                    names = numpy_array("<U1", "1,", std::string("a\0\0\0", 4));
+  EXPECT_EQ(refused(right, names), "");
+  EXPECT_EQ(read_npz(target("d.npz")).t.size(), 3);
+  for (const char* shape :
+       {"4,", "3, 0", "1000000000000,", "99999999999999999999,", "4294967296, 4294967296", "-3,", "three,"})
+    EXPECT_NE(refused(numpy_array("<f8", shape, three), names), "") << shape;
+  for (const char* type : {"<U", "<U9", "<U9999999999", "<U-1", "<Ux"})  // names that are no names are left out
+    EXPECT_EQ(refused(right, numpy_array(type, "1,", std::string("a\0\0\0", 4))), "") << type;
+  EXPECT_NE(refused(right, "\x93NUMPY"), "");
+  EXPECT_NE(refused(right.substr(0, 20), names), "");
+}
+
+TEST_F(ResultFileTest, DatasetsThatClaimMore) {
+  {
+    Values all = values(4, 2, 1);
+    const auto file = create_hdf5(target("r.h5"), columns(2, {0}), 4, facts);
+    file->append(all.rows(4));
+  }
+  const hid_t file = H5Fopen((folder_ / "r.h5").c_str(), H5F_ACC_RDWR, H5P_DEFAULT);
+  const hid_t y = H5Dopen2(file, "y", H5P_DEFAULT);
+  const std::array<hsize_t, 2> huge{hsize_t(1) << 40, 2};
+  EXPECT_GE(H5Dset_extent(y, huge.data()), 0);
+  H5Dclose(y);
+  H5Fclose(file);
+  EXPECT_NE(refusal([&] { read_hdf5(target("r.h5")); }).find("larger than the file can hold"), std::string::npos);
+
+  const std::string bytes = bytes_of(folder_ / "r.h5");
+  std::mt19937 random(5);
+  for (int trial = 0; trial < 200; ++trial) {
+    std::string damaged = bytes;
+    for (int i = 0; i < 3; ++i) damaged[random() % damaged.size()] = char(random());
+    std::ofstream(folder_ / "d.h5", std::ios::binary) << damaged;
+    refusal([&] { read_hdf5(target("d.h5")); });
   }
 }
 

@@ -5,6 +5,7 @@
 #include "core/base/interruption.hpp"
 #include "core/result/slack.hpp"
 #include "core/solve/dense_output.hpp"
+#include "core/solve/switch_errors.hpp"
 #include "tests/support/refusal.hpp"
 #include "tests/support/run.hpp"
 
@@ -13,6 +14,7 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <memory>
 
 namespace bromwich {
 namespace {
@@ -185,6 +187,44 @@ TEST(DenseOutput, FollowsSwitchesAndJumpsInsideSteps) {
         EXPECT_NEAR(known ? between.x(k, 0) : t - 1, t - 1, 1e-9) << to_string(method) << " at " << t;
       }
     }
+}
+
+// A rectifier with a capacitor, in volts, farads and ohms: C v' = y - v/R, 0 <= y, Rs y + v - u(t) >= 0.
+TEST(DenseOutput, IsTheValueOfPolynomialsBetweenLocatedSwitches) {
+  constexpr double R = 1e5, C = 1e-6, Rs = 10;
+  auto calls = std::make_shared<long>(0);
+  Scene scene;
+  scene.dynamics = DenseDynamics{Matrix{{-1 / (R * C)}}, Matrix{{1 / C}}, Matrix{{1}}};
+  scene.M = Matrix{{Rs}};
+  scene.g = [calls](double t, Eigen::Ref<Vector> g) { ++*calls, g << -325 * std::sin(314.159 * t); };
+  scene.x0 = Vector{{0}};
+  scene.T = 0.1;
+  const auto backend = make_cpu_backend(1);
+  const auto solved = [&](Index steps) {
+    Options options = options_for(Method::events, steps);
+    options.states = StateSelection::all;
+    options.trace = true;
+    return solve(scene, *backend, options);
+  };
+  const Result coarse = solved(40), fine = solved(520);
+  ASSERT_EQ(coarse.status, Status::solved) << coarse.reason;
+  const long before = *calls;
+  const std::vector<double> times(fine.t.begin(), fine.t.end());
+  const Result between = at_times(scene, *backend, coarse, times);
+  const std::vector<Switch> found = switches_with_errors(scene, *backend, {}, coarse), rows = switches(coarse);
+  EXPECT_EQ(*calls, before) << "nothing is solved again";
+  const Matrix states = states_at(scene, *backend, coarse, {7, 23});
+  const double tolerance = 2 * *coarse.error_estimate + 1e-12;
+  for (const auto part : {&Solution::y, &Solution::x, &Solution::trace})
+    EXPECT_LE((between.*part - fine.*part).cwiseAbs().maxCoeff(), tolerance * (fine.*part).cwiseAbs().maxCoeff());
+  EXPECT_EQ(states(0, 1), coarse.x(23, 0));
+  ASSERT_EQ(found.size(), 10u) << "the diode conducts once a period";
+  ASSERT_EQ(rows.size(), found.size());
+  for (std::size_t k = 0; k < found.size(); ++k) {
+    const double t = found[k].t, w = at_times(scene, *backend, coarse, {t}).x(0, 0) - 325 * std::sin(314.159 * t);
+    EXPECT_LE(std::abs(w), 325 * 314.159 * found[k].error + 1e-9) << t;
+    EXPECT_EQ(rows[k].t, t);
+  }
 }
 
 TEST(DenseOutput, EndsWithTheRowsThatAreValid) {
