@@ -1,7 +1,6 @@
 #pragma once
 // A, B, N and M of a scene as located events take them.
 
-#include "../numerics/equilibration.hpp"
 #include "../scene/scene.hpp"
 #include "mode.hpp"
 
@@ -9,16 +8,21 @@
 
 namespace bromwich {
 
+/// h |(I - hA)^{-1} V|: how far constant inputs, the columns of V, move the states within h. Fast modes that decay
+/// count with the states to which they tend.
+inline Matrix motion_within(double h, const Matrix& A, const Matrix& V) {
+  if (A.rows() == 0) return V.cwiseAbs();
+  const Matrix moved = Matrix(Matrix::Identity(A.rows(), A.rows()) - h * A).partialPivLu().solve(V);
+  return h * (moved.allFinite() ? moved : V).cwiseAbs();
+}
+
 /// Of a scene with dense dynamics. Entries of M up to the rounding of what y moves in N x within T,
-/// 64 eps |N| T |(I - TA)^{-1}| |B|, are zero: what a reduction of larger equations leaves of zeros. M y is rounding of
-/// w then, and would decide signs of y all the same.
+/// 64 eps |N| T |(I - TA)^{-1} B|, are zero: what a reduction of larger equations leaves of zeros. M y is rounding of w
+/// then, and would decide signs of y all the same.
 inline SystemMatrices switched_system(const Scene& scene) {
-  constexpr double regular = 1e-8;
   const DenseDynamics& d = *scene.dynamics->small_state();
   SystemMatrices s{d.A, d.B, d.N, to_dense(scene.M), scene.restitution};
-  const Eigen::PartialPivLU<Matrix> lu(Matrix(Matrix::Identity(s.states(), s.states()) - scene.T * s.A));
-  if (s.states() == 0 || s.constraints() == 0 || !(reciprocal_condition(lu) > regular)) return s;
-  const Matrix moves = scene.T * (s.N.cwiseAbs() * lu.inverse().cwiseAbs() * s.B.cwiseAbs());
+  const Matrix moves = s.N.cwiseAbs() * motion_within(scene.T, s.A, s.B);
   s.M = (s.M.cwiseAbs().array() > 64 * epsilon * moves.array()).select(s.M, 0.0);
   return s;
 }
