@@ -57,7 +57,7 @@ class Reading {
   /// The bytes as they come: what the archive says of their number may be anything.
   Stored array(std::uint64_t size) {
     check(unzOpenCurrentFile(zip_));
-    std::string bytes, part(1 << 20, '\0');
+    std::string bytes, part(1 << 16, '\0');
     for (int got = 1; got > 0 && bytes.size() <= size;) {
       got = unzReadCurrentFile(zip_, part.data(), unsigned(part.size()));
       if (got < 0) refuse("could not be read to its end");
