@@ -6,23 +6,28 @@
 
 #include <Eigen/LU>
 
+#include <algorithm>
+
 namespace bromwich {
 
-/// h |(I - hA)^{-1} V|: how far constant inputs, the columns of V, move the states within h. Fast modes that decay
-/// count with the states to which they tend.
-inline Matrix motion_within(double h, const Matrix& A, const Matrix& V) {
-  if (A.rows() == 0) return V.cwiseAbs();
-  const Matrix moved = Matrix(Matrix::Identity(A.rows(), A.rows()) - h * A).partialPivLu().solve(V);
-  return h * (moved.allFinite() ? moved : V).cwiseAbs();
+/// h |(I - hA)^{-1} v|: how far constant inputs v move the states within h. Fast modes that decay count with the states
+/// to which they tend. Where A magnifies much, this says nothing: 0.
+inline Vector motion_within(double h, const Matrix& A, const Vector& v) {
+  constexpr double much = 1e6;
+  const Matrix inverse = Matrix(Matrix::Identity(A.rows(), A.rows()) - h * A).partialPivLu().inverse();
+  if (!(inverse.cwiseAbs().sum() <= much)) return Vector::Zero(v.size());
+  return h * (inverse * v).cwiseAbs();
 }
 
-/// Of a scene with dense dynamics. Entries of M up to the rounding of what y moves in N x within T,
-/// 64 eps |N| T |(I - TA)^{-1} B|, are zero: what a reduction of larger equations leaves of zeros. M y is rounding of w
-/// then, and would decide signs of y all the same.
+/// Of a scene with dense dynamics. Entries of M up to the rounding of what y moves in N x within the time h of the
+/// fastest mode, 64 eps h |N| |B| with h = min(T, 1 / |A|), are zero: what a reduction of larger equations leaves of
+/// zeros. M y is rounding of w then, and would decide signs of y all the same.
 inline SystemMatrices switched_system(const Scene& scene) {
   const DenseDynamics& d = *scene.dynamics->small_state();
   SystemMatrices s{d.A, d.B, d.N, to_dense(scene.M), scene.restitution};
-  const Matrix moves = s.N.cwiseAbs() * motion_within(scene.T, s.A, s.B);
+  if (s.states() == 0) return s;
+  const double rate = s.A.cwiseAbs().rowwise().sum().maxCoeff(), h = std::min(scene.T, 1 / std::max(rate, 1e-290));
+  const Matrix moves = h * (s.N.cwiseAbs() * s.B.cwiseAbs());
   s.M = (s.M.cwiseAbs().array() > 64 * epsilon * moves.array()).select(s.M, 0.0);
   return s;
 }

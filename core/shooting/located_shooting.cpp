@@ -121,7 +121,7 @@ class LocatedShooting {
     const EventSources sources(scene);
     Vector most = Vector::Zero(scene.states());
     for (int k = 0; k <= 8; ++k)
-      most = most.cwiseMax(motion_within(scene.T, scene.dynamics->small_state()->A, sources.f(scene.T * k / 8)).col(0));
+      most = most.cwiseMax(motion_within(scene.T, scene.dynamics->small_state()->A, sources.f(scene.T * k / 8)));
     return most;
   }
 
