@@ -19,8 +19,11 @@ cd "$out"
 case $language in
   c)
     need cc
+    need c++
     cc -std=c99 -Wall -Wextra -Werror "$examples/diode.c" -o diode "${flags[@]}"
     ./diode
+    # The header is one of C++ too.
+    c++ -std=c++17 -Wall -Wextra -Werror -x c++ -fsyntax-only -include bromwich/bromwich.h /dev/null "${flags[@]:0:2}"
     ;;
   fortran)
     need gfortran
