@@ -99,6 +99,23 @@ def trust(data):
     ]
 
 
+def engineering(data):
+    """Random circuits, masses and tanks: what became of them, and what was refused or stopped."""
+    verdicts = ("right", "missed", "wrong", "refused", "slow", "none", "undecided")
+    lines = ["| scenes | " + " | ".join(verdicts) + " | longest |", "|--" * (len(verdicts) + 2) + "|"]
+    for name, of in data["classes"].items():
+        label = name.removesuffix(", original")
+        counts = [str(of["verdicts"].get(verdict, 0)) for verdict in verdicts]
+        lines.append(f"| {label} | " + " | ".join(counts) + f" | {seconds(of['most_seconds'])} |")
+    lost = [f"{row['kind']} {row['seed']} {row['problem']} ({row['verdict']})" for row in data["not_right"]
+            if row["verdict"] not in ("none", "undecided")]
+    return lines + [
+        "",
+        f"Seeds from {data['first_seed']} on, `--tol {data['tolerance']:.0e}`, method {data['method']}, CPU time of one thread, {data['most_seconds']:.0f} s each at "
+        f"most, {data['jobs']} at once on a machine with other work. Lost: {', '.join(lost) or 'none'}; reasons are in the file. {machine(data)}.",
+    ]
+
+
 def coverage(data):
     lines = ["| folder | lines | covered |", "|--|--|--|"]
     for folder, count in data["folders"].items():

@@ -49,8 +49,7 @@ class EventIntegration {
     at_.x = scene.x0;
     at_.sizes.u.f = sources_.f(0).cwiseAbs();
     // Of a component that another solve has left as rounding x0 says nothing.
-    const auto motion = [this](const Vector& rate) { return motion_within(longest_, system_.A, rate); };
-    at_.sizes.include_x(at_.x.cwiseAbs() + motion(system_.A * at_.x) + motion(sources_.f(0)));
+    at_.sizes.include_x(terms_of_motion(system_.A, Matrix::Identity(m_, m_), at_.x, at_.sizes.u.f, of_x, longest_));
     put_on_constraints();
     at_.y = at_.integral = at_.sizes.y = solution_.doubt = of_y;
   }

@@ -3,7 +3,7 @@
 #include "core/base/text.hpp"
 #include "core/events/collocation.hpp"
 #include "core/events/event_sources.hpp"
-#include "core/events/switched_system.hpp"
+#include "core/kernel/start_rounding.hpp"
 #include "core/shooting/divided_shooting.hpp"
 #include "core/shooting/flow_derivative.hpp"
 #include "core/shooting/shooting_matrix.hpp"
@@ -119,10 +119,11 @@ class LocatedShooting {
   // How far f may move the states within T. Where constraints hold them against it, x is rounding of this.
   static Vector motion_of(const Scene& scene) {
     const EventSources sources(scene);
-    Vector most = Vector::Zero(scene.states());
-    for (int k = 0; k <= 8; ++k)
-      most = most.cwiseMax(motion_within(scene.T, scene.dynamics->small_state()->A, sources.f(scene.T * k / 8)));
-    return most;
+    const Vector rest = Vector::Zero(scene.states());
+    Vector f = rest;
+    for (int k = 0; k <= 8; ++k) f = f.cwiseMax(sources.f(scene.T * k / 8).cwiseAbs());
+    const Matrix& A = scene.dynamics->small_state()->A;
+    return terms_of_motion(A, Matrix::Identity(rest.size(), rest.size()), rest, f, rest, scene.T);
   }
 
   Vector size_of_states() const {
