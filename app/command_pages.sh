@@ -133,7 +133,7 @@ keep_lines() { awk '/^\.IP$/ { print; print ".nf"; on = 1; next } on && /^\./ { 
 # manual NAME DESCRIPTION [COMMAND]
 manual() {
   "$help2man" --no-info --no-discard-stderr --name "$2" --version-string "$("$bromwich" --version | cut -d' ' -f2)" \
-    "$bromwich${3:+ $3}" | sed -E "1,3s/^\.TH \S+/.TH ${1^^}/" | keep_lines >"$out/man1/$1.1"
+    "$bromwich${3:+ $3}" | sed -E "1,3s/^\.TH \S+/.TH ${1^^}/; 1,5s/^bromwich (\S+) ([\]-)/bromwich-\1 \2/" | keep_lines >"$out/man1/$1.1"
 }
 if [[ -n $help2man ]]; then
   manual bromwich "solve linear complementarity systems (nonsmooth dynamics)"
