@@ -86,33 +86,12 @@ def three_dimensions():
     yield f"Of whole solves the ratio is {', '.join(whole[:-1])} and {whole[-1]}"
 
 
-def given_steps():
-    for run in evidence.load("trust-steps")["runs"]:
-        limit = 3 * run["tolerance"]
-        wrong = [scene for scene in run["scenes"] if scene["verdict"] == "wrong"]
-        silent = [scene for scene in wrong if not scene["warning"]]
-        decided = run["count"] - run["verdicts"]["undecided"]
-        yield (f"With {run['steps']} steps {len(wrong)} of {decided} random scenes are off by more than {100 * limit:.0f} %, {len(silent)} of "
-               f"them without a word, {sum((scene['error_x'] or limit) > limit for scene in silent)} of these in x; "
-               f"{run['right_with_warning']} of {run['verdicts']['right']} right ones have a warning")
-
-
-def certificates():
-    for run in evidence.load("certificates")["runs"]:
-        c = run["certificates"]
-        yield (f"`{run['method']}`: of {c['above']} results off by more than {100 * c['off']:.0f} % {c['above_unseen']} have an estimate below "
-               f"half of that, of {c['below']} right to {100 * c['right']:.0f} % {c['below_doubted']} have one above; the estimate of x is within "
-               f"0.3 and 3 of the error for {100 * c['x_in_0.3_to_3']:.1f} % of {c['x_compared']}, that of y for "
-               f"{100 * c['y_in_0.3_to_3']:.1f} % of {c['y_compared']}")
-
-
 sentences = {
     "docs/three-dimensions.md": (three_dimensions,),
     "docs/method.md": (sweeps_of_signorini,),
     "docs/nonlinear.md": (nonlinear_device, shockley),
     "docs/measurements/paper.md": (comparison,),
     "docs/papers/laplace.md": (case_two, choices_of_auto),
-    "docs/stability.md": (given_steps, certificates),
 }
 
 

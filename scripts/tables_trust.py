@@ -116,6 +116,28 @@ def engineering(data):
     ]
 
 
+def given_steps(data):
+    """What given steps of random scenes are worth, and what is said of them, by method."""
+    lines = [
+        "| method | steps | refused | off by more than 6 % | without a word | in x | right to 2 % | with a notice | estimate of x good | of y |",
+        "|--" * 10 + "|",
+    ]
+    for run in data["runs"]:
+        verdicts, c = run["verdicts"], run["certificates"]
+        lines.append(
+            f"| {run['method']} | {run['steps']} | {verdicts.get('refused', 0)} | {verdicts.get('wrong', 0)} | {run['silent']['all']} | "
+            f"{run['silent']['in_x']} | {verdicts['right']} | {run['right_with_warning']} | {100 * c['x_in_0.3_to_3']:.1f} % of {c['x_compared']} | "
+            f"{100 * c['y_in_0.3_to_3']:.1f} % of {c['y_compared']} |"
+        )
+    first = data["runs"][0]
+    decided = first["count"] - first["verdicts"]["undecided"]
+    return lines + [
+        "",
+        f"{decided} scenes of {first['count']} from seed {first['first_seed']} on that the oracle decides. A good estimate is between 0.3 and 3 times "
+        f"the error. Commit {first['commit'][:9]}.",
+    ]
+
+
 def coverage(data):
     lines = ["| folder | lines | covered |", "|--|--|--|"]
     for folder, count in data["folders"].items():
