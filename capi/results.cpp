@@ -65,7 +65,7 @@ RowMatrix slack_rows(const bromwich_result& r) {
   return slack(r.scene, r.result);
 }
 
-/// Computed when it is asked for first.
+/// Computed at the first call.
 template <class Make>
 const RowMatrix& kept(std::optional<RowMatrix>& array, Make&& make) {
   if (!array) array = make();
