@@ -101,6 +101,7 @@ std::optional<WindowsOfSteps::Outcome> FrozenWindows::solve(Index from, Index le
     inner.trace = scene_.of_trace;
     inner.interrupted = options_.interrupted;
     inner.method = options_.inner;
+    inner.confirm = false;  // one of many; the solution of the nonlinear scene is looked at
     const RowMatrix phi = RowMatrix::Zero(scene_.phi ? length + 1 : 0, scene_.seen()),
                     gamma = RowMatrix::Zero(length + 1, scene_.linear.constraints());
     solver_ = std::make_unique<Solver>(with_rest(window_, scene_.of_trace, phi, gamma, h_), backend_, inner);

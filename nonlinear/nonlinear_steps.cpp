@@ -100,6 +100,7 @@ RowMatrix increments_of(const Scene& scene, const DenseDynamics& d, Backend& bac
   options.method = Method::march;
   options.steps = J * (nodes == 2 ? 3 : 1);
   options.states = StateSelection::all;
+  options.confirm = false;  // nothing switches
   const Result r = solve(free, backend, options);
   if (r.status != Status::solved) throw Error("f", "its response is not known: " + r.reason, "look at f and A");
   const Index apart = options.steps / J;
