@@ -365,13 +365,26 @@ Result sample_reduced(const Scene& scene, Backend& backend, const InnerOptions& 
   return sampled;
 }
 
+// Whether row j is at j T / steps: not so where the rows are times that a user asked for.
+bool has_row(const Result& result, double T, Index j) {
+  const double h = T / double(result.steps);
+  return j < result.t.size() && std::abs(result.t[j] - double(j) * h) <= same_point * h;
+}
+
+void need_rows_of_steps(const Result& result, double T) {
+  bool all = result.t.size() == result.steps + 1;
+  for (Index j = 0; all && j <= result.steps; ++j) all = has_row(result, T, j);
+  if (!all)
+    throw Error("result", "has rows at times that were asked for, not at its steps", "ask the result of the solve");
+}
+
 // Rows at time points are those of the result, to the last digit.
 void keep_rows(const Result& result, double T, Result& sampled) {
   for (Index k = 0; k < sampled.t.size(); ++k) {
     Index row = -1;
     if (result.y_left.size() > 0)
       row = node_at(result.t, sampled.t[k]);
-    else if (const Place at = place(result, T, sampled.t[k]); at.part == 0)
+    else if (const Place at = place(result, T, sampled.t[k]); at.part == 0 && has_row(result, T, at.row))
       row = at.row;
     if (row < 0) continue;
     sampled.y.row(k) = result.y.row(row);
@@ -390,6 +403,7 @@ Result at_times(const Scene& scene, Backend& backend, const Result& result, cons
     keep_rows(result, scene.T, sampled);
     return sampled;
   }
+  if (result.y_left.size() == 0) need_rows_of_steps(result, scene.T);
   InnerOptions options;
   options.method = result.method;
   options.states = StateSelection::list;

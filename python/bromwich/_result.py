@@ -159,12 +159,13 @@ class Result(Rows):
         Times of rows give these rows. Between them a result with located switches has the values of its polynomials. For
         other methods the scene is solved again from the row before up to the requested time, so that a switch or a jump
         inside the step is followed. Two cases need no further solve: method ``galerkin``, whose y is linear on its
-        interval, and steps of Kronecker sums (or of y alone of sparse scenes) in which nothing switches or jumps. Where the state at the rows was not recorded and cannot be computed from y, the whole scene is solved
-        again.
+        interval, and steps of Kronecker sums (or of y alone of sparse scenes) in which nothing switches or jumps. Where
+        the state at the rows was not recorded and cannot be computed from y, the whole scene is solved again.
 
         Raises:
-            Error: for times outside [0, T]; for method ``goal``, whose time points are the answer; :class:`DoesNotFit`
-                where the states at all time points take more than 4 GB.
+            Error: for times outside [0, T]; for method ``goal``, whose time points are the answer; for a result of ``at``
+                without located switches, whose steps are not known; :class:`DoesNotFit` where the states at all time points
+                take more than 4 GB.
         """
         return Result(self._answer.at(self._times(t)), self._scene)
 

@@ -494,7 +494,7 @@ TEST(SwitchedDerivative, AContactForceThatPullsHasNoSolution) {
 struct Seeds {
   const char* given = std::getenv("BROMWICH_RANDOM_SCENES");
   const char* from = std::getenv("BROMWICH_FIRST_SCENE");
-  long first, scenes = given ? std::atol(given) : 300;
+  long first, scenes = given ? std::atol(given) : 120;
 
   explicit Seeds(long without) : first(from ? std::atol(from) : without) {}
   long end() const { return first + scenes; }

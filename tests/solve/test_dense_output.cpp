@@ -117,6 +117,22 @@ TEST(DenseOutput, RefusesWhatItCannotKnow) {
   EXPECT_EQ(message, "times: found 10; give times from 0 to T = 9.4247779607693793") << "17 digits";
 }
 
+// Rows at times that were asked for, evaluated again: polynomials are still known, steps are not.
+TEST(DenseOutput, OfSampledRows) {
+  const Scene scene = make_scene("bridge");
+  const auto backend = make_cpu_backend(1);
+  Options options = with_states(60);
+  const std::vector<double> asked{1.25, 5.5, 7.75}, others{3.3, 5.5};
+  const Result steps = at_times(scene, *backend, solve(scene, *backend, options), asked);
+  EXPECT_EQ(refusal([&] { at_times(scene, *backend, steps, others); }),
+            "result: has rows at times that were asked for, not at its steps; ask the result of the solve");
+  options.method = Method::events;
+  const Result located = solve(scene, *backend, options), direct = at_times(scene, *backend, located, others);
+  const Result again = at_times(scene, *backend, at_times(scene, *backend, located, asked), others);
+  EXPECT_LE(distance(again.x, direct.x), 1e-12);
+  EXPECT_LE(distance(again.y, direct.y), 1e-12);
+}
+
 // A mass on a stop: x'' = -1 + y, 0 <= y, x >= 0, x(0) = 1/2 falls onto x = 0 at t = 1 and stays, without a bounce. y
 // jumps from 0 to 1, and is an impulse in between. The fall is a parabola, which Radau IIA steps have exactly.
 TEST(DenseOutput, StatesWhereYJumpsAreThoseOfAStep) {
