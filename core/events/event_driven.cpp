@@ -56,6 +56,7 @@ class EventIntegration {
 
   EventSolution run() {
     const bool unique = short_steps_.unique(class_);
+    expect_motion();
     enumerates_ = !unique && n_ <= Successor::most_enumerated;
     solution_.unique = unique || enumerates_;
     // A least element that is no solution of least norm is not selected by trying.
@@ -79,6 +80,14 @@ class EventIntegration {
     double longest = 0, begin = 0;
     for (const double t : breakpoints_) longest = std::max(longest, t - begin), begin = t;
     return std::max(longest, T_ - begin);
+  }
+
+  // The sizes of a state that has not moved yet: those that f and y of a first step give it. An x0 that is small beside
+  // them counts as zero where it would later.
+  void expect_motion() {
+    const ShortSteps::Step first = short_steps_.take(0, longest_, at_.x, Vector::Zero(n_));
+    if (first.solved && first.y.allFinite())
+      at_.sizes.include_x(steps_.moved_within_step(at_.sizes.u.f, first.y.cwiseAbs()));
   }
 
   // Constraints on the state alone that x0 meets but for rounding: the smallest change of x0 that meets them, each

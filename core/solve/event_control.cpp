@@ -53,6 +53,30 @@ Vector largest_of(const EventSolution& s, Matrix EventPiece::*which) {
   return largest;
 }
 
+// The times behind t = 0 at which the state jumps.
+std::vector<double> jump_times(const EventSolution& s) {
+  std::vector<double> times;
+  for (const EventPiece& p : s.pieces)
+    if (p.begin > 0 && !p.impulses.empty()) times.push_back(p.begin);
+  return times;
+}
+
+// Rows at which both jump, by times that differ by at most `apart`: there `a` gets the side of its jump that `b` has.
+void take_sides(const EventSolution& of_a, const EventSolution& of_b, double apart, Result& a, const Result& b) {
+  const std::vector<double> jumps = jump_times(of_a), others = jump_times(of_b);
+  if (jumps.size() != others.size()) return;
+  const double h = a.t[1] - a.t[0];
+  for (std::size_t k = 0; k < jumps.size(); ++k) {
+    const Index j = std::min(Index(std::lround(jumps[k] / h)), a.steps);
+    if (std::abs(jumps[k] - others[k]) > apart || std::abs(jumps[k] - a.t[j]) > apart) continue;
+    const Vector found = b.y_integral.row(j);
+    const auto off = [&](bool left) { return (of_a.integral_of_y(jumps[k], left) - found).norm(); };
+    const bool left = off(true) <= off(false);
+    a.x.row(j) = of_a.x(jumps[k], left)(a.x_components).transpose();
+    a.y_integral.row(j) = of_a.integral_of_y(jumps[k], left).transpose();
+  }
+}
+
 double longest_step(double T, std::size_t number) { return T / double(fewest_in_T + 16 * number); }
 
 // Of the first integration.
@@ -164,6 +188,7 @@ class EventControl {
     Result a, b;
     rows_->fill(coarse, components_, false, a);
     rows_->fill(fine, components_, false, b);
+    take_sides(coarse, fine, tolerances_[tolerances_.size() - 2] * scene_.T, a, b);
     look_at_sizes(fine);
     fine.switches = switches_beside(fine, coarse);
     const Distance d = distance(a, 1, b, 1, sizes_);

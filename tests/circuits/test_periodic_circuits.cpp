@@ -117,7 +117,8 @@ TEST(PeriodicCircuit, DoublerAgainstASettledTransient) {
 
 // A boost converter behind a rectified line, an ideal coil with 100 gates in a period of the line; the current stops
 // between them where the line is low. x = (i, v), y = (i_d, p, q).
-TEST(PeriodicCircuit, PowerFactorCorrectionAgainstASettledTransient) {
+// A boost converter of a rectified line with 100 gates in its period. Its current is 0 at t = 0.
+Scene power_factor_correction() {
   constexpr double L = 1e-3, C = 470e-6, R = 160, T = 0.02, gate = T / 100, pi = 3.14159265358979323846;
   Scene scene;
   scene.dynamics = DenseDynamics{Matrix{{0, 0}, {0, -1 / (R * C)}}, Matrix{{0, -1 / L, 1 / L}, {1 / C, 0, 0}},
@@ -137,6 +138,24 @@ TEST(PeriodicCircuit, PowerFactorCorrectionAgainstASettledTransient) {
   scene.T = T;
   scene.default_steps = 100;
   scene.x0 = Vector{{0, 400}};
+  return scene;
+}
+
+// A current that another solve has left as rounding is no current.
+TEST(PeriodicCircuit, PowerFactorCorrectionFromRoundingOfItsCurrent) {
+  const auto backend = make_cpu_backend(1);
+  Scene scene = power_factor_correction();
+  const Result expected = solve(scene, *backend, options_for(Method::events));
+  for (const double current : {1e-10, 1e-13, 1e-16, 1e-20, -1e-13, -1e-16}) {
+    scene.x0[0] = current;
+    const Result r = solve(scene, *backend, options_for(Method::events));
+    ASSERT_EQ(r.status, Status::solved) << current << " " << r.reason;
+    EXPECT_LT((r.y_integral - expected.y_integral).norm(), 1e-8 * expected.y_integral.norm()) << current;
+  }
+}
+
+TEST(PeriodicCircuit, PowerFactorCorrectionAgainstASettledTransient) {
+  Scene scene = power_factor_correction();
   const auto backend = make_cpu_backend(1);
   Options options = options_for(Method::events);
   options.states = StateSelection::all;
