@@ -82,12 +82,11 @@ class EventIntegration {
     return std::max(longest, T_ - begin);
   }
 
-  // The sizes of a state that has not moved yet: those that f and y of a first step give it. An x0 that is small beside
-  // them counts as zero where it would later.
+  // The sizes of a state that y has not moved yet: those that y of a first step gives it. An x0 that is small beside
+  // them counts as zero, as it would later.
   void expect_motion() {
     const ShortSteps::Step first = short_steps_.take(0, longest_, at_.x, Vector::Zero(n_));
-    if (first.solved && first.y.allFinite())
-      at_.sizes.include_x(steps_.moved_within_step(at_.sizes.u.f, first.y.cwiseAbs()));
+    if (first.solved && first.y.allFinite()) at_.sizes.include_x(steps_.moved_within_step(first.y.cwiseAbs()));
   }
 
   // Constraints on the state alone that x0 meets but for rounding: the smallest change of x0 that meets them, each

@@ -202,12 +202,8 @@ bool EventSteps::y_is_known(const SwitchedMode& mode, const EventPoint& p, const
   return moved.maxCoeff() <= unseen * size.x.cwiseMax(by_f).cwiseMax(by_y).maxCoeff();
 }
 
-Vector EventSteps::moved_within_step(const Vector& f, const Vector& y) const {
-  return by_f_within_step_ * f + by_y_within_step_ * y;
-}
-
 Vector EventSteps::rounding_of_x(const EventSizes& sizes) const {
-  return 64 * epsilon * moved_within_step(sizes.u.f, sizes.y);
+  return 64 * epsilon * (by_f_within_step_ * sizes.u.f + by_y_within_step_ * sizes.y);
 }
 
 // Negative values that count as zero are of a solution nearby. Where that is another one, with y_i > 0 and w_i = 0,

@@ -55,8 +55,8 @@ class EventSteps {
   double longest_from(const EventPoint& p) const { return std::min({p.h, longest_, p.end - p.t}); }
   /// Values below this share of the sum of their terms count as zero.
   double noise() const;
-  /// How far constant values of |f| and |y| move the state within the longest step: m values.
-  Vector moved_within_step(const Vector& f, const Vector& y) const;
+  /// How far a constant |y| moves the state within the longest step: m values.
+  Vector moved_within_step(const Vector& y) const { return by_y_within_step_ * y; }
   /// Of a state at rest, whose own size says nothing of the terms that cancel in its changes: m values.
   Vector rounding_of_x(const EventSizes&) const;
   /// Whether a step was refused since rounding of y moves the state: the sign of y is not known.
