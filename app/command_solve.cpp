@@ -4,6 +4,7 @@
 #include "app/backend_choice.hpp"
 #include "app/circuit_output.hpp"
 #include "app/columns.hpp"
+#include "app/command_map.hpp"
 #include "app/command_sweep.hpp"
 #include "app/commands.hpp"
 #include "app/goal_arguments.hpp"
@@ -331,6 +332,7 @@ int run_solve(const SolveArguments& arguments) {
   if (arguments.print_template || arguments.print_schema) return print_text(arguments);
   const Words words = split_words(arguments.words, arguments.settings);
   const ParameterValues settings = parse_settings(words.settings, scene_name(words));
+  if (const auto code = run_map(arguments, scene_name(words), settings)) return *code;
   if (const auto code = run_sweep(arguments, scene_name(words), settings)) return *code;
   const SceneChoice choice = arguments.periodic.empty()
                                  ? choose_scene_or_system(scene_name(words), settings)

@@ -109,6 +109,12 @@ std::vector<Method> methods_of(const Scene& given, const Scene& scene, const Bac
       refusal = "impacts with restitution: method events takes them, with initial values";
     return {Method::events};
   }
+  if (!given.resets.empty()) {
+    const Method only = given.boundary ? Method::shooting : Method::events;
+    if (options.method != Method::automatic && options.method != only)
+      refusal = fmt::format("modes with memory: method {} takes them", to_string(only));
+    return {only};
+  }
   const bool singular = !given.boundary && !given.free_rows.empty() && !can_eliminate_free(given);
   if (given.boundary || singular) {
     const std::string unsuited = unsuited_to_shooting(scene);

@@ -135,11 +135,15 @@ SceneChoice choose_periodic_circuit(const std::string& name, const ParameterValu
   if (!is_netlist(name))
     throw Error("--periodic", fmt::format("is given with {}, which is no netlist", name),
                 "write a section [boundary] with E0 and ET = -E0");
-  if (period == "auto") return choose_circuit(name, settings, 0);
+  return choose_circuit(name, settings, parse_period(period));
+}
+
+double parse_period(const std::string& period) {
+  if (period == "auto") return 0;
   const auto seconds = circuits::spice_number(period);
   if (!seconds || !(*seconds > 0))
     throw Error("--periodic", fmt::format("found '{}'", period), "give a period in seconds, 10u or 1e-5, or auto");
-  return choose_circuit(name, settings, seconds);
+  return *seconds;
 }
 
 SceneChoice choose_initial_value_scene(const std::string& name, const ParameterValues& settings) {

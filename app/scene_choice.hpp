@@ -61,6 +61,8 @@ SceneChoice choose_scene(const std::string& name, const ParameterValues& setting
 /// The same, and files with a section [nonlinear], which choose_scene refuses.
 SceneChoice choose_scene_or_system(const std::string& name, const ParameterValues& settings);
 
+/// Seconds of --periodic; 0 of auto. Throws Error naming it.
+double parse_period(const std::string&);
 /// The periodic state of a netlist; `period`: seconds, or auto. Throws Error naming --periodic for other scenes.
 SceneChoice choose_periodic_circuit(const std::string& name, const ParameterValues& settings,
                                     const std::string& period);

@@ -8,7 +8,7 @@ namespace bromwich {
 namespace {
 
 /// Of E, G, F and H as of V and I: what they take is less than 0 where they supply.
-bool source(char kind) { return std::string("VIEGFHB").find(kind) != std::string::npos; }
+bool source(char kind) { return std::string("VIEGFHBPU").find(kind) != std::string::npos; }
 
 double stored_energy(const Circuit& c, const CircuitWaveforms& w, double t) {
   double energy = 0;
@@ -36,11 +36,22 @@ OutputNumbers numbers(const Probe& p, const CircuitWaveforms& w) {
   return n;
 }
 
+UseOfPower use_of_power(const std::vector<ElementPower>& elements) {
+  UseOfPower use;
+  double supplied = 0, most = 0;
+  for (const ElementPower& e : elements) {
+    if (source(e.kind)) supplied -= e.power;
+    if (e.kind == 'R' && e.power > most) most = e.power, use.load = e.name;
+  }
+  if (supplied > 0) use.efficiency = most / supplied;
+  return use;
+}
+
 CircuitBalance balance(const Circuit& c, const CircuitWaveforms& w) {
   CircuitBalance b;
   b.from = w.from(), b.to = w.to();
   const double span = b.to - b.from;
-  double flows = 0, most = 0;
+  double flows = 0;
   for (const CircuitElement& e : c.elements) {
     const Probe current(c, 'I', e), power(c, 'P', e);
     ElementPower p{e.name, e.kind};
@@ -52,14 +63,14 @@ CircuitBalance balance(const Circuit& c, const CircuitWaveforms& w) {
       b.supplied -= p.power * span;
     else if (e.kind != 'C' && e.kind != 'L')
       b.dissipated += p.power * span;
-    if (e.kind == 'R' && p.power > most) most = p.power, b.load = e.name;
     b.elements.push_back(std::move(p));
   }
   const double begin = stored_energy(c, w, b.from), end = stored_energy(c, w, b.to);
   b.stored = end - begin;
   flows = std::max({flows / 2, std::abs(begin), std::abs(end)});
   b.error = flows > 0 ? std::abs(b.supplied - b.stored - b.dissipated) / flows : 0;
-  if (b.supplied > 0) b.efficiency = most * span / b.supplied;
+  const UseOfPower use = use_of_power(b.elements);
+  b.load = use.load, b.efficiency = use.efficiency;
   return b;
 }
 

@@ -20,12 +20,18 @@ struct ElementPower {
   double power = 0;                    ///< W, mean of v i; of sources what they supply, with a minus
 };
 
+/// The resistor that takes most, and its part of what sources supply; the name is empty where nothing is.
+struct UseOfPower {
+  std::string load;
+  double efficiency = 0;
+};
+UseOfPower use_of_power(const std::vector<ElementPower>&);
+
 struct CircuitBalance {
   double from = 0, to = 0;
   std::vector<ElementPower> elements;
   double supplied = 0, stored = 0, dissipated = 0;  ///< J
   double error = 0;                                 ///< of the balance, relative to what flows
-  /// The resistor that takes most, and its part of what is supplied; the name is empty where nothing is.
   std::string load;
   double efficiency = 0;
 };

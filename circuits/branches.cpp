@@ -28,6 +28,8 @@ class BranchMaker {
     }
     set_bases();
     for (std::size_t i = 0; i < netlist_.elements.size(); ++i) add_branches(Index(i));
+    for (std::size_t i = 0; i < netlist_.elements.size(); ++i)
+      if (element(Index(i)).kind == 'B') add_currents_of_form(Index(i));
     return std::move(made_);
   }
 
@@ -72,6 +74,14 @@ class BranchMaker {
       case 'H':
         add(i, e.kind == 'H').currents = {{controlling_branch(e), e.value}};
         return;
+      case 'B':
+        return add_form(i);
+      case 'P':
+        add(i, true).signals = {{signals_.of_y(own.y), 1}};
+        return;
+      case 'U':
+        add(i, true).signals = {{own.guard < 0 ? signals_.of_u(own.source) : own.signal, 1}};
+        return;
       case 'D':
         return add_diode(i);
       default:
@@ -83,6 +93,39 @@ class BranchMaker {
     if (const auto found = sources_.find(e.controlled_by); found != sources_.end()) return branch(found->second);
     throw Error(to_string(e.place), fmt::format("{}: there is no voltage source '{}'", e.name, e.controlled_by),
                 "name a voltage source, one of 0 V where there is none");
+  }
+
+  void add_form(Index i) {
+    const Element& e = element(i);
+    Branch& b = add(i, e.of_voltage);
+    b.signals = {{signals_.of_u(0), e.form->constant}};
+    for (const LinearForm::OfVoltage& one : e.form->voltages)
+      b.voltages.push_back({{nodes_.at(one.from), nodes_.at(one.to)}, one.factor});
+  }
+
+  // After all branches: a branch that states its current is written out.
+  void add_currents_of_form(Index i) {
+    const Element& e = element(i);
+    for (const LinearForm::OfCurrent& one : e.form->currents) {
+      const Index of = element_named(netlist_, one.element, e);
+      const auto& [first, count] = made_.of[std::size_t(of)];
+      for (Index k = first; k < first + count; ++k) {
+        const Branch& other = made_.all[std::size_t(k)];
+        Branch& b = made_.all[std::size_t(branch(i))];
+        if (other.of_voltage) {
+          b.currents.emplace_back(k, one.factor);
+          continue;
+        }
+        if (element(of).kind == 'B')
+          throw Error(to_string(e.place),
+                      fmt::format("{}: {} is a source of current with an expression", e.name, element(of).name),
+                      "measure its current by a source of 0 V in series");
+        if (other.slope != 0) b.voltages.push_back({{other.from, other.to}, one.factor * other.slope});
+        for (const auto& [signal, factor] : other.signals) b.signals.emplace_back(signal, one.factor * factor);
+        for (const auto& [pair, factor] : other.voltages) b.voltages.push_back({pair, one.factor * factor});
+        for (const auto& [branch, factor] : other.currents) b.currents.emplace_back(branch, one.factor * factor);
+      }
+    }
   }
 
   void add_inductor(Index i) {
@@ -155,6 +198,13 @@ std::vector<Terms> followers(const Netlist& netlist, const NormalTree& tree) {
         found[std::size_t(g.inductors[std::size_t(g.order[std::size_t(a)])])].push_back(
             {g.inductors[std::size_t(g.order[std::size_t(k)])], g.ratios(k - g.base, a)});
   return found;
+}
+
+Index element_named(const Netlist& netlist, const std::string& name, const Element& asks) {
+  for (std::size_t i = 0; i < netlist.elements.size(); ++i)
+    if (lower(netlist.elements[i].name) == name) return Index(i);
+  throw Error(to_string(asks.place), fmt::format("{}: there is no element '{}'", asks.name, name),
+              "name an element of the netlist");
 }
 
 std::map<std::string, Index> voltage_sources(const Netlist& netlist) {

@@ -24,6 +24,9 @@ std::pair<double, double> conducting_line(const Element& diode);
 /// By element, where it is an inductor of a base: the windings that follow it, with their ratios.
 std::vector<Terms> followers(const Netlist&, const NormalTree&);
 
+/// By its name in lower case. Throws Error naming the element that `asks` for one that is not there.
+Index element_named(const Netlist&, const std::string& name, const Element& asks);
+
 /// By the name of a voltage source, in lower case: its element.
 std::map<std::string, Index> voltage_sources(const Netlist&);
 

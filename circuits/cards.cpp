@@ -115,7 +115,8 @@ class Reader {
       ++place.line;
       std::replace(line.begin(), line.end(), '\t', ' ');
       if (titled && place.line == 1) {
-        deck_.title = trimmed(line);
+        const std::size_t begin = line.find_first_not_of("* ");  // LTspice puts a star before the title
+        deck_.title = begin == std::string::npos ? "" : trimmed(line.substr(begin));
         continue;
       }
       const std::string first = trimmed(line);

@@ -86,9 +86,9 @@ TimeFunction combination(const Rows& of_u, const Rows& of_slope,
   for (const Index k : used) shapes.col(at++) = by_columns.col(k);
   for (const Index k : used_slope) shapes.col(at++) = slopes_by_columns.col(k);
   const TimeFunction time = [u, used, used_slope](double t, Eigen::Ref<Vector> value) {
-    Index at = 0;
-    for (const Index k : used) value[at++] = (*u)[std::size_t(k)].value(t);
-    for (const Index k : used_slope) value[at++] = (*u)[std::size_t(k)].slope(t);
+    Index i = 0;
+    for (const Index k : used) value[i++] = (*u)[std::size_t(k)].value(t);
+    for (const Index k : used_slope) value[i++] = (*u)[std::size_t(k)].slope(t);
   };
   return SeparableSource{std::move(shapes), time};
 }
@@ -128,7 +128,7 @@ Vector given_state(const Netlist& netlist, const std::vector<Index>& storage) {
   Vector x(Index(storage.size()));
   for (Index k = 0; k < x.size(); ++k) {
     const Element& e = netlist.elements[std::size_t(storage[std::size_t(k)])];
-    x[k] = e.initial ? *e.initial : e.kind == 'C' ? node(e.nodes[0]) - node(e.nodes[1]) : 0;
+    x[k] = e.initial ? *e.initial : e.kind == 'C' ? node(e.nodes[0]) - node(e.nodes[1]) : 0;  // else a current, or off
   }
   return x;
 }
@@ -157,7 +157,9 @@ Vector given_start(const Netlist& netlist, const Reduction& r, const Vector& u, 
 Vector start(const Netlist& netlist, const Reduction& r, const Vector& u, const std::string& file,
              std::vector<std::string>& notes) {
   if (netlist.use_initial) return given_start(netlist, r, u, notes);
-  const auto rest = operating_point(r.A, r.B, r.F * u, r.w.z, r.w.y, r.w.u * u, netlist.stop);
+  const Index n = Index(r.pairs.size()) - r.guards;  // guards see, and are not seen
+  const Rows N = r.w.z.topRows(n), M = columns(r.w.y.topRows(n), 0, n);
+  const auto rest = operating_point(r.A, columns(r.B, 0, n), r.F * u, N, M, Vector(r.w.u * u).head(n), netlist.stop);
   if (!rest)
     throw Error(file, "there is no operating point to start from: the sources at t = 0 bring the circuit to no rest",
                 "add uic to .tran, with IC= where the start is not zero");
@@ -226,6 +228,8 @@ CircuitReduction found(const Netlist& netlist, const Reduction& r) {
   return f;
 }
 
+}  // namespace
+
 Circuit make_circuit(const Netlist& netlist, const std::string& file) {
   const Reduction r = reduce(netlist);
   const auto u = std::make_shared<const std::vector<Waveform>>(make_sources(netlist, r));
@@ -259,9 +263,21 @@ Circuit make_circuit(const Netlist& netlist, const std::string& file) {
     s.boundary = BoundaryCondition{Matrix::Identity(m, m), -Matrix::Identity(m, m), Vector::Zero(m)};
   else
     s.x0 = r.A.rows() > 0 ? start(netlist, r, at_start, file, c.notes) : Vector::Zero(1);
+  for (const Memory& memory : r.memories) {
+    s.resets.push_back({memory.set, memory.state, 1});
+    s.resets.push_back({memory.reset, memory.state, 0});
+  }
+  if (!r.memories.empty() && !s.dynamics->small_state())
+    throw Error(file,
+                fmt::format("{} is controlled by the state, and there are {} states",
+                            netlist.elements[std::size_t(r.memories[0].element)].name, r.states.size()),
+                "make the circuit smaller, or control the switch by independent sources");
   s.names.x = r.states;
   if (r.states.empty()) s.names.x = {"none"};
-  for (const std::string& name : s.names.x) s.units.x.push_back(name == "none" ? "" : name[0] == 'V' ? "V" : "A");
+  const auto unit = [](const std::string& state) {
+    return state.starts_with("V(") ? "V" : state.starts_with("I(") ? "A" : "";
+  };
+  for (const std::string& name : s.names.x) s.units.x.push_back(unit(name));
   if (netlist.step > 0) {
     const Index rows = Index(std::floor((netlist.stop - netlist.start) / netlist.step * (1 + 1e-9)));
     if (rows >= 1 && rows <= 10'000'000) {
@@ -274,13 +290,13 @@ Circuit make_circuit(const Netlist& netlist, const std::string& file) {
   add_elements(netlist, c);
   c.reduction = found(netlist, r);
   for (const auto& [place, text] : netlist.measures) c.measures.push_back({to_string(place), text});
+  c.steps = netlist.steps;
   c.parameters = netlist.parameters;
   c.inputs = netlist.inputs;
+  c.netlist = std::make_shared<const Netlist>(netlist);
   check_measures(c);
   return c;
 }
-
-}  // namespace
 
 Circuit parse_circuit(std::string_view netlist, const std::string& file_name, const std::filesystem::path& folder,
                       const std::map<std::string, double>& settings, std::optional<double> period) {

@@ -17,6 +17,7 @@
 #include <filesystem>
 #include <functional>
 #include <map>
+#include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -32,7 +33,7 @@ struct CircuitOutput {
 /// An element with two nodes, by the numbers of outputs.
 struct CircuitElement {
   std::string name;
-  char kind = 'R';           ///< R C L V I E G F H D S W
+  char kind = 'R';           ///< R C L V I E G F H D S W B, and P and U, parts of B
   Index from = -1, to = -1;  ///< V of its first and second node; -1: ground
   Index current = 0;         ///< I
 };
@@ -74,9 +75,14 @@ struct Circuit {
   std::vector<std::string> notes;  ///< what was skipped, straightened or added, one line each
   CircuitReduction reduction;
   std::vector<MeasureCard> measures;
+  std::vector<CircuitStep> steps;  ///< nested loops, the last one is the innermost; without those that settings fix
   std::map<std::string, double> parameters;
   std::vector<std::filesystem::path> inputs;
+  std::shared_ptr<const circuits::Netlist> netlist;  ///< what it is made from
 };
+
+/// The circuit of a netlist with its subcircuits written out; `file` is its name in messages.
+Circuit make_circuit(const circuits::Netlist&, const std::string& file);
 
 /// Reads a netlist; see docs/netlists.md. `settings` replace its .param. `period`: the scene is the periodic state with
 /// this period, x(0) = x(T), or with the least common one of the sources where it is 0. Throws Error naming file, line

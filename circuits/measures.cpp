@@ -198,13 +198,21 @@ class MeasureReader {
   std::size_t at_ = 0;
 };
 
+std::string unit_of(const Measure& m) {
+  if (m.kind == Kind::when || m.kind == Kind::between) return "s";
+  if (!m.probe) return "";
+  const std::string& u = m.probe->unit();
+  if (m.kind != Kind::integral) return u;
+  return u == "W" ? "J" : u == "A" ? "C" : u == "V" ? "Wb" : "";
+}
+
 class Evaluation {
  public:
   Evaluation(const Circuit& circuit, Backend& backend, const Result& result)
       : circuit_(circuit), backend_(backend), result_(result), known_(circuit.parameters) {}
 
   MeasuredValue operator()(const Measure& m) {
-    MeasuredValue v{m.name, unit(m), NAN, ""};
+    MeasuredValue v{m.name, unit_of(m), NAN, ""};
     try {
       v.value = value(m, v.found);
     } catch (const Error& error) {
@@ -216,14 +224,6 @@ class Evaluation {
   }
 
  private:
-  static std::string unit(const Measure& m) {
-    if (m.kind == Kind::when || m.kind == Kind::between) return "s";
-    if (!m.probe) return "";
-    const std::string& u = m.probe->unit();
-    if (m.kind != Kind::integral) return u;
-    return u == "W" ? "J" : u == "A" ? "C" : u == "V" ? "Wb" : "";
-  }
-
   const CircuitWaveforms& span(const std::optional<double>& from, const std::optional<double>& to,
                                const std::string& where) {
     const std::pair<double, double> key{from.value_or(0), to.value_or(circuit_.scene.T)};
@@ -295,6 +295,12 @@ std::vector<Measure> read_all(const Circuit& c) {
 }  // namespace
 
 void check_measures(const Circuit& c) { read_all(c); }
+
+std::vector<MeasuredValue> measures_of(const Circuit& c) {
+  std::vector<MeasuredValue> all;
+  for (const Measure& m : read_all(c)) all.push_back({m.name, unit_of(m), NAN, ""});
+  return all;
+}
 
 std::vector<MeasuredValue> measured(const Circuit& c, Backend& backend, const Result& r) {
   Evaluation evaluate(c, backend, r);

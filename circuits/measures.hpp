@@ -24,6 +24,9 @@ struct MeasuredValue {
 /// Throws Error naming the line of a card that cannot be read; `measures`: as Circuit::measures.
 void check_measures(const Circuit&);
 
+/// Names and units of all cards, without values.
+std::vector<MeasuredValue> measures_of(const Circuit&);
+
 /// The values of all cards, in their order, of a result with all states.
 std::vector<MeasuredValue> measured(const Circuit&, Backend&, const Result&);
 

@@ -86,6 +86,28 @@ DiodeModel diode_model(const Model& model, const Parameters& parameters) {
   return d;
 }
 
+std::pair<DiodeModel, ThyristorModel> thyristor_model(const Model& model, const Parameters& parameters) {
+  constexpr double largest_off = 1e7;  // ohm
+  const Values value(model, parameters);
+  DiodeModel d;
+  d.on = value.resistance("ron", 1e-3);
+  d.off = value.resistance("roff", 1e6);
+  d.forward = value("vfwd", 0);
+  ThyristorModel t;
+  const auto positive = [&](const char* name, double otherwise) {
+    const double v = value(name, otherwise);
+    if (!(v > 0)) throw Error(to_string(model.card.place), fmt::format("{} = {}", name, v), "give a positive value");
+    return v;
+  };
+  t.gate = positive("vgt", t.gate);
+  t.holding = positive("ih", t.holding);
+  t.blocks = positive("vdrm", t.blocks);
+  if (!(d.off > d.on && d.off <= largest_off))
+    throw Error(to_string(model.card.place), fmt::format("Roff = {} of a thyristor", d.off),
+                "give one above Ron, up to 10 megohm: it carries what the holding current leaves");
+  return {d, t};
+}
+
 SwitchModel switch_model(const Model& model, const Parameters& parameters, std::vector<std::string>& notes) {
   const Values value(model, parameters);
   SwitchModel s;

@@ -1,6 +1,10 @@
 #include "circuits/netlist.hpp"
 
+#include "circuits/analysis.hpp"
+#include "circuits/behaviour.hpp"
+#include "circuits/levels.hpp"
 #include "circuits/models.hpp"
+#include "circuits/step_cards.hpp"
 #include "core/base/error.hpp"
 
 #include <fmt/format.h>
@@ -8,6 +12,7 @@
 #include <algorithm>
 #include <cmath>
 #include <set>
+#include <tuple>
 
 namespace bromwich::circuits {
 
@@ -17,48 +22,9 @@ namespace {
   throw Error(to_string(card.place), found, remedy);
 }
 
-struct Subcircuit {
-  Card card;
-  std::vector<std::string> nodes;
-  std::map<std::string, std::string> defaults;
-  std::vector<Card> cards;
-  std::map<std::string, Subcircuit> inner;
-};
-
-// The cards of one level, with the subcircuits that it defines.
-struct Level {
-  std::vector<Card> cards;
-  std::map<std::string, Subcircuit> subcircuits;
-};
-
-Level sort_cards(const std::vector<Card>& cards, std::size_t& at, const Card* opened) {
-  Level level;
-  for (; at < cards.size(); ++at) {
-    const Card& card = cards[at];
-    if (card.words.empty()) continue;
-    if (card.words[0] == ".ends") {
-      if (opened) return level;
-      refuse(card, ".ends without .subckt", "remove it");
-    }
-    if (card.words[0] != ".subckt") {
-      level.cards.push_back(card);
-      continue;
-    }
-    if (card.words.size() < 2) refuse(card, ".subckt without a name", "write .subckt NAME nodes");
-    Subcircuit s{card, {}, card.given, {}, {}};
-    for (std::size_t i = 2; i < card.words.size() && card.words[i] != "params:"; ++i) s.nodes.push_back(card.words[i]);
-    Level inner = sort_cards(cards, ++at, &card);
-    s.cards = std::move(inner.cards);
-    s.inner = std::move(inner.subcircuits);
-    level.subcircuits[card.words[1]] = std::move(s);
-  }
-  if (opened) refuse(*opened, fmt::format("subcircuit '{}' has no .ends", opened->words[1]), "add .ends");
-  return level;
-}
-
 const std::set<std::string> skipped{".options", ".option",   ".opt",   ".save",  ".probe", ".print",
                                     ".plot",    ".backanno", ".title", ".width", ".temp",  ".global"};
-const std::set<std::string> other_analyses{".op", ".dc", ".ac", ".noise", ".tf", ".four", ".step", ".net", ".wave"};
+const std::set<std::string> other_analyses{".op", ".dc", ".ac", ".noise", ".tf", ".four", ".net", ".wave"};
 
 // How many words an element has before its values.
 std::size_t nodes_of(char kind) { return kind == 'E' || kind == 'G' || kind == 'S' ? 4 : 2; }
@@ -83,13 +49,18 @@ class Flattening {
     Scope scope;
     scope.subcircuits = &level.subcircuits;
     define(level.cards, scope);
+    for (const Card& card : level.cards)
+      if (const std::string name = card.words[0] == ".step" ? stepped_parameter(card) : ""; !name.empty())
+        if (!scope.parameters.has(name)) scope.parameters.set(name, 0), only_stepped_.insert(name);
     for (const auto& [name, value] : settings_) {
       if (!scope.parameters.has(lower(name)))
         throw Error("--set", fmt::format("'{}' is no .param of the netlist", name), "use one of its .param names");
       scope.parameters.set(lower(name), value);
     }
     for (const Card& card : level.cards)
-      if (card.words[0] == ".tran") read_tran(card, scope);
+      if (card.words[0] == ".step") take_step(card, scope);
+    for (const Card& card : level.cards)
+      if (card.words[0] == ".tran") unread_.merge(read_tran(card, scope.parameters, netlist_));
     for (const Card& card : level.cards) take(card, scope);
     netlist_.parameters = scope.parameters.values();
     for (const auto& [words, what] : {std::pair(&used_skipped_, "skipped: "), {&unread_, "not read: "}}) {
@@ -115,6 +86,24 @@ class Flattening {
     }
   }
 
+  // The first value is that of the parameter, unless .param or a setting gives one.
+  void take_step(const Card& card, Scope& scope) {
+    const std::string name = stepped_parameter(card);
+    if (name.empty()) {
+      unread_.insert(".step " + (card.words.size() > 1 ? card.words[1] : ""));
+      return;
+    }
+    CircuitStep step = read_step(card, scope.parameters);
+    const auto is_it = [&](const CircuitStep& other) { return other.name == name; };
+    if (std::any_of(netlist_.steps.begin(), netlist_.steps.end(), is_it))
+      refuse(card, fmt::format(".step: '{}' is stepped twice", name), "remove one of the two");
+    const bool fixed = std::any_of(settings_.begin(), settings_.end(),
+                                   [&](const auto& setting) { return lower(setting.first) == name; });
+    if (fixed) return;
+    if (only_stepped_.contains(name)) scope.parameters.set(name, step.values.front());
+    netlist_.steps.push_back(std::move(step));
+  }
+
   static void define_function(const Card& card, Scope& scope) {
     std::string text;
     for (std::size_t i = 1; i < card.words.size(); ++i) text += card.words[i];
@@ -126,32 +115,14 @@ class Flattening {
     scope.parameters.define_function(text.substr(0, open), split_arguments(text.substr(open, close - open + 1)), body);
   }
 
-  void read_tran(const Card& card, const Scope& scope) {
-    std::vector<double> numbers;
-    for (std::size_t i = 1; i < card.words.size(); ++i) {
-      if (card.words[i] == "uic")
-        netlist_.use_initial = true;
-      else if (card.words[i] == "startup" || card.words[i] == "steady" || card.words[i] == "nodiscard")
-        unread_.insert(".tran " + card.words[i]);
-      else
-        numbers.push_back(scope.parameters.value(card.words[i], card.place, ".tran"));
-    }
-    if (numbers.empty()) refuse(card, ".tran without a time", "write .tran STEP STOP");
-    netlist_.stop = numbers.size() == 1 ? numbers[0] : numbers[1];
-    netlist_.step = numbers.size() == 1 ? 0 : std::abs(numbers[0]);
-    netlist_.start = numbers.size() > 2 ? numbers[2] : 0;
-    if (!(netlist_.stop > 0))
-      refuse(card, fmt::format("the end of .tran is {}", netlist_.stop), "give a positive time");
-    if (netlist_.start < 0 || netlist_.start >= netlist_.stop)
-      refuse(card, fmt::format("the start of .tran is {}", netlist_.start), "give one between 0 and the end");
-  }
-
   void take(const Card& card, const Scope& scope) {
     const std::string& word = card.words[0];
     if (word[0] == '.') return take_directive(card, scope);
     const char kind = char(std::toupper(static_cast<unsigned char>(word[0])));
     if (kind == 'X') return take_subcircuit(card, scope);
     if (kind == 'K') return take_coupling(card, scope);
+    if (kind == 'B' || ((kind == 'E' || kind == 'G') && card.words.size() == 3))
+      return take_behaviour(card, scope, kind);
     if (std::string("RCLVIEGFHDSW").find(kind) == std::string::npos)
       refuse(card, fmt::format("{}: elements of kind {} are not read", written_name(card), kind),
              "use S with a .model SW for a transistor that switches, D for a junction");
@@ -174,6 +145,33 @@ class Flattening {
     netlist_.elements.push_back(std::move(e));
   }
 
+  // B1 a b V={...} or I={...}; E1 a b VALUE={...}, G1 a b VALUE={...}.
+  void take_behaviour(const Card& card, const Scope& scope, char kind) {
+    Element e;
+    e.kind = 'B';
+    e.place = card.place;
+    e.name = scope.prefix + written_name(card);
+    if (!names_.insert(lower(e.name)).second) refuse(card, fmt::format("{} is there twice", e.name), "rename one");
+    const std::string text = lower(card.text);
+    const std::size_t equals = text.find('=');
+    const char* const remedy =
+        kind == 'B' ? "write B1 a b V={2*V(c)} or I={...}" : "write E1 a b c d GAIN or VALUE={...}";
+    if (card.words.size() < 3 || equals == std::string::npos) refuse(card, e.name + " has no expression", remedy);
+    std::string what = text.substr(0, equals);
+    what.erase(what.find_last_not_of(' ') + 1);
+    what = what.substr(what.find_last_of(" ,") + 1);
+    if (kind == 'B' ? what != "v" && what != "i" : what != "value")
+      refuse(card, fmt::format("{}: '{}' is unknown", e.name, what), remedy);
+    e.of_voltage = what == "v" || (what == "value" && kind == 'E');
+    for (std::size_t k = 1; k <= 2; ++k) e.nodes.push_back(node(card.words[k], scope, card));
+    std::string expression = card.text.substr(equals + 1);
+    expression.erase(0, expression.find_first_not_of(' '));
+    const BehaviourNames outside{[&](const std::string& name) { return node(name, scope, card); },
+                                 [&](const std::string& name) { return lower(scope.prefix) + name; }};
+    for (Element& one : behavioural_source(std::move(e), expression, scope.parameters, outside))
+      netlist_.elements.push_back(std::move(one));
+  }
+
   void read_values(const Card& card, const Scope& scope, std::size_t first, Element& e) {
     const std::vector<std::string> rest(card.words.begin() + long(first), card.words.end());
     const auto given = [&](const char* name) -> std::optional<double> {
@@ -190,7 +188,10 @@ class Flattening {
       return scope.parameters.value(rest[0], card.place, e.name);
     };
     e.initial = given("ic");
-    name_unread(card, e.kind, e.kind == 'V' || e.kind == 'I' ? card.words.size() : first + 1);
+    const bool on_or_off =
+        card.words.size() > first + 1 && (card.words[first + 1] == "on" || card.words[first + 1] == "off");
+    const bool all = e.kind == 'V' || e.kind == 'I' || ((e.kind == 'S' || e.kind == 'W') && on_or_off);
+    name_unread(card, e.kind, all ? card.words.size() : first + 1);
     switch (e.kind) {
       case 'V':
       case 'I':
@@ -205,6 +206,12 @@ class Flattening {
       case 'S':
       case 'W':
         if (rest.empty()) refuse(card, e.name + " names no model", "give one, such as .model SI SW(Ron=10m Vt=0.5)");
+        if (on_or_off) e.initial = rest[1] == "on" ? 1 : 0;
+        if (const Model* found = find_model(rest[0], scope); e.kind == 'S' && found && found->type == "scr") {
+          e.kind = 'D';
+          std::tie(e.diode, e.thyristor) = thyristor_model(*found, scope.parameters);
+          return;
+        }
         e.gate =
             switch_model(model(rest[0], e.kind == 'S' ? "sw" : "csw", card, scope, e), scope.parameters, model_notes_);
         for (const std::string& one : model_notes_) note(one);
@@ -258,22 +265,29 @@ class Flattening {
     netlist_.elements.push_back(std::move(r));
   }
 
+  static const Model* find_model(const std::string& name, const Scope& scope) {
+    for (const Scope* s = &scope; s; s = s->outer)
+      if (const auto found = s->models.find(name); found != s->models.end()) return &found->second;
+    return nullptr;
+  }
+
   const Model& model(const std::string& name, const std::string& type, const Card& card, const Scope& scope,
                      const Element& e) {
-    for (const Scope* s = &scope; s; s = s->outer)
-      if (const auto found = s->models.find(name); found != s->models.end()) {
-        if (found->second.type != type)
-          refuse(card, fmt::format("{}: the model '{}' is of type {}", e.name, name, found->second.type),
-                 fmt::format("give a model of type {}", type));
-        return found->second;
-      }
+    if (const Model* found = find_model(name, scope)) {
+      if (found->type != type)
+        refuse(card, fmt::format("{}: the model '{}' is of type {}", e.name, name, found->type),
+               fmt::format("give a model of type {}", type));
+      return *found;
+    }
     refuse(card, fmt::format("{}: there is no model '{}'", e.name, name),
            fmt::format("add .model {} {}(...)", name, type));
   }
 
   void take_directive(const Card& card, const Scope& scope) {
     const std::string& word = card.words[0];
-    if (word == ".param" || word == ".params" || word == ".func" || word == ".model" || word == ".tran") return;
+    if (word == ".param" || word == ".params" || word == ".func" || word == ".model" || word == ".tran" ||
+        word == ".step")
+      return;
     if (word == ".ic" || word == ".nodeset") {
       for (const auto& [name, value] : card.given)
         if (word == ".nodeset" || !name.starts_with("v(") || name.back() != ')')
@@ -317,6 +331,8 @@ class Flattening {
     const Subcircuit* s = nullptr;
     for (const Scope* level = &scope; level && !s; level = level->outer)
       if (const auto found = level->subcircuits->find(called); found != level->subcircuits->end()) s = &found->second;
+    if (const auto found = library_level().subcircuits.find(called); !s && found != library_level().subcircuits.end())
+      s = &found->second;
     if (!s) refuse(card, fmt::format("{}: there is no subcircuit '{}'", name, called), "add its .subckt");
     if (s->nodes.size() != words.size())
       refuse(card,
@@ -358,34 +374,10 @@ class Flattening {
   Netlist& netlist_;
   std::map<std::string, double> settings_;
   std::set<std::string> names_, used_skipped_, unread_;
+  std::set<std::string> only_stepped_;  ///< parameters that no .param defines
   std::vector<std::string> model_notes_;
   int depth_ = 0;
 };
-
-}  // namespace
-
-namespace {
-
-// The period as the end of time, in place of .tran's.
-void close_period(Netlist& netlist, double wanted, const std::string& file_name) {
-  std::vector<double> periods;
-  for (const Element& e : netlist.elements) {
-    if ((e.kind != 'V' && e.kind != 'I') || e.source.constant) continue;
-    if (!(e.source.period > 0))
-      throw Error(to_string(e.place), fmt::format("{} is not periodic", e.name),
-                  "give PULSE with a period, SIN without damping, or a constant");
-    periods.push_back(e.source.period);
-  }
-  const double T = wanted > 0 ? wanted : common_period(periods);
-  if (!(T > 0))
-    throw Error(file_name, periods.empty() ? "has no source with a period" : "its sources have no common period",
-                "give one, --periodic 1m");
-  for (const double p : periods)
-    if (std::abs(T / p - std::round(T / p)) > 1e-9 * T / p)
-      throw Error(file_name, fmt::format("{:.6g} s is no multiple of {:.6g} s, the period of a source", T, p),
-                  "give a multiple of all periods, or auto");
-  netlist.stop = T, netlist.start = 0, netlist.step = T / 200;
-}
 
 }  // namespace
 
@@ -396,8 +388,7 @@ Netlist read_netlist(std::string_view text, const std::string& file_name, const 
   netlist.title = deck.title;
   netlist.inputs = deck.inputs;
   netlist.periodic = period.has_value();
-  std::size_t at = 0;
-  const Level level = sort_cards(deck.cards, at, nullptr);
+  const Level level = sort_cards(deck.cards);
   Flattening(netlist, settings, deck.control).top(level);
   if (!(netlist.stop > 0)) throw Error(file_name, "there is no .tran", "add .tran STEP STOP");
   if (netlist.elements.empty()) throw Error(file_name, "there is no element", "add elements behind the title line");

@@ -25,7 +25,11 @@ int rank_of(const Element& e, bool follows) {
     case 'V':
     case 'E':
     case 'H':
+    case 'P':
+    case 'U':
       return 0;
+    case 'B':
+      return e.of_voltage ? 0 : 5;
     case 'C':
       return 1;
     case 'R':

@@ -21,16 +21,20 @@ constexpr double no_effect = 1e-9;  ///< of the largest coefficient: rounding of
 
 class Reducer {
  public:
-  explicit Reducer(const Netlist& netlist)
+  Reducer(const Netlist& netlist, const std::vector<char>& remembers)
       : netlist_(netlist),
         nodes_(number_nodes(netlist)),
         tree_(normal_tree(netlist, nodes_)),
-        s_(number_signals(netlist, tree_)),
+        s_(number_signals(netlist, tree_, remembers)),
         branches_(make_branches(netlist, nodes_, tree_, s_)),
         followers_(followers(netlist, tree_)) {
     names_.resize(nodes_.size());
     for (const auto& [name, i] : nodes_) names_[std::size_t(i)] = i == 0 ? "0" : netlist.written.at(name);
   }
+
+  /// Switches that the state of the circuit controls, and that are numbered as if it did not: then the result is not
+  /// complete.
+  const std::vector<Index>& controlled() const { return controlled_; }
 
   Reduction run() {
     for (const Index node : tree_.grounded) {
@@ -44,8 +48,9 @@ class Reducer {
     made_.sources = s_.sources;
     sum_currents();
     reduce_storage();
-    add_pairs();
     add_gates();
+    if (!controlled_.empty()) return {};
+    add_pairs();
     add_outputs();
     made_.dependences = dependences(netlist_, tree_, made_);
     for (const Element& e : netlist_.elements)
@@ -110,7 +115,8 @@ class Reducer {
   Rows storage_matrix() const {
     Triplets all;
     for (std::size_t k = 0; k < s_.storage.size(); ++k)
-      if (const Element& e = element(s_.storage[k]); e.kind == 'C') all.emplace_back(int(k), int(k), e.value);
+      if (const Element& e = element(s_.storage[k]); e.kind != 'L')
+        all.emplace_back(int(k), int(k), e.kind == 'C' ? e.value : 1);  // x' = 0 of a mode
     for (const WindingGroup& g : tree_.groups)
       for (Index a = 0; a < g.base; ++a)
         for (Index b = 0; b < g.base; ++b) {
@@ -128,15 +134,18 @@ class Reducer {
     made_.storage.assign(s_.storage.begin(), s_.storage.begin() + m);
     made_.excess.assign(s_.storage.begin() + m, s_.storage.end());
     for (const Index i : made_.storage)
-      made_.states.push_back(fmt::format("{}({})", element(i).kind == 'C' ? "V" : "I", element(i).name));
+      made_.states.push_back(own(i).guard >= 0
+                                 ? element(i).name + ".on"
+                                 : fmt::format("{}({})", element(i).kind == 'C' ? "V" : "I", element(i).name));
     const Rows V = rows_of(made_.storage, [&](Index i, const auto& add) {  // the flow d
-      add(element(i).kind == 'C' ? currents_ : voltages_, i, 1);
+      if (own(i).guard < 0) add(element(i).kind == 'C' ? currents_ : voltages_, i, 1);
     });
-    const Rows S = rows_of(made_.excess, [&](Index i, const auto& add) {  // what is stored
+    Rows S = rows_of(made_.excess, [&](Index i, const auto& add) {  // what is stored
       add(element(i).kind == 'C' ? voltages_ : currents_, i, 1);
       for (const auto& [other, ratio] : followers_[std::size_t(i)]) add(currents_, other, ratio);
     });
     check_excess(S);
+    S.prune([](Index, Index, double value) { return std::abs(value) > no_effect; });
     const Rows K = storage_matrix(), K_kept = K.topRows(m), K_excess = K.bottomRows(t);
     made_.P = columns(S, 0, m), made_.Q = columns(S, m + n, k);
     const Rows Vd = columns(V, m + n + k, t), Ktt = columns(K_excess, m, t), Kct = columns(K_kept, m, t);
@@ -182,70 +191,122 @@ class Reducer {
     return f;
   }
 
+  // A row of a pair: `factor` times row `row` of what elements or nodes have, and other terms.
+  void add_row(const std::string& name, const Rows& of, Index row, double factor, const Terms& others) {
+    const int at = int(made_.pairs.size());
+    for (Rows::InnerIterator e(of, row); e; ++e) pair_rows_.emplace_back(at, int(e.col()), factor * e.value());
+    for (const auto& [signal, value] : others) pair_rows_.emplace_back(at, int(signal), value);
+    made_.pairs.push_back(name);
+  }
+
   void add_pairs() {
-    Triplets all;
-    const auto add = [&](const std::string& name, const Rows& of, Index row, double factor, const Terms& others) {
-      const int at = int(made_.pairs.size());
-      for (Rows::InnerIterator e(of, row); e; ++e) all.emplace_back(at, int(e.col()), factor * e.value());
-      for (const auto& [signal, value] : others) all.emplace_back(at, int(signal), value);
-      made_.pairs.push_back(name);
-    };
     for (Index i = 0; i < Index(netlist_.elements.size()); ++i) {
-      const Element& e = element(i);
-      const Index one = s_.of_u(0), y = s_.of_y(own(i).y), y2 = s_.of_y(own(i).y2), u = s_.of_u(own(i).source);
-      const bool tree_form = opens(e) && in_tree(i);
-      if (e.kind == 'D') {
-        const auto [forward, on] = conducting_line(e);
-        const bool breaks = own(i).y2 >= 0;
-        if (tree_form)
-          add(e.name, currents_, i, 1, breaks ? Terms{{y2, 1}} : Terms{});
-        else
-          add(e.name, voltages_, i, -1, {{one, forward}, {y, on}});
-        if (breaks) add(e.name + ".reverse", voltages_, i, 1, {{one, e.diode.reverse}, {y2, e.diode.on_reverse}});
-      } else if (e.kind == 'S' || e.kind == 'W') {
-        // bound - s, bound + s, with s the current, or v - Ron i
-        const Rows& of = tree_form ? currents_ : voltages_;
-        const double on = tree_form ? 0 : e.gate.on;
-        add(e.name + ".p", of, i, -1, {{u, 1}, {y, on}, {y2, -on}});
-        add(e.name + ".q", of, i, 1, {{u, 1}, {y, -on}, {y2, on}});
-      }
+      if (element(i).kind == 'D') add_diode(i);
+      if (element(i).kind == 'P')
+        add_row(element(i).name, form_of(*element(i).form, element(i)), 0, -1, {{s_.of_y(own(i).y), 1}});
+      if (element(i).kind == 'S' || element(i).kind == 'W') add_switch(i);
     }
+    for (Index i = 0; i < Index(netlist_.elements.size()); ++i)
+      if (own(i).guard >= 0) add_guards(i);
+    made_.guards = s_.guards;
     Rows w(Index(made_.pairs.size()), s_.count());
-    w.setFromTriplets(all.begin(), all.end());
+    w.setFromTriplets(pair_rows_.begin(), pair_rows_.end());
     made_.w = forms(w);
   }
 
-  void add_gates() {
+  void add_diode(Index i) {
+    const Element& e = element(i);
+    const Index one = s_.of_u(0), y = s_.of_y(own(i).y), y2 = s_.of_y(own(i).y2);
+    const auto [forward, on] = conducting_line(e);
+    const bool breaks = own(i).y2 >= 0;
+    if (opens(e) && in_tree(i)) {
+      add_row(e.name, currents_, i, 1, breaks ? Terms{{y2, 1}} : Terms{});
+    } else {
+      Terms others{{one, forward}, {y, on}};
+      if (e.thyristor) others.insert(others.end(), {{one, e.thyristor->blocks}, {own(i).signal, -e.thyristor->blocks}});
+      add_row(e.name, voltages_, i, -1, others);
+    }
+    if (breaks) add_row(e.name + ".reverse", voltages_, i, 1, {{one, e.diode.reverse}, {y2, e.diode.on_reverse}});
+  }
+
+  // bound - s, bound + s, with s the current, or v - Ron i
+  void add_switch(Index i) {
+    const Element& e = element(i);
+    const Index one = s_.of_u(0), y = s_.of_y(own(i).y), y2 = s_.of_y(own(i).y2);
+    const bool tree_form = opens(e) && in_tree(i), remembers = own(i).guard >= 0;
+    const Rows& of = tree_form ? currents_ : voltages_;
+    const double on = tree_form ? 0 : e.gate.on;
+    const auto [open, closed] = tree_form ? std::pair(leak, bound) : std::pair(bound, 0.0);
+    Terms limit{{s_.of_u(own(i).source), 1}};
+    if (remembers) limit = {{one, open}, {own(i).signal, closed - open}};
+    const auto with = [&](double sign) {
+      Terms terms = limit;
+      terms.insert(terms.end(), {{y, sign * on}, {y2, -sign * on}});
+      return terms;
+    };
+    add_row(e.name + ".p", of, i, -1, with(1));
+    add_row(e.name + ".q", of, i, 1, with(-1));
+  }
+
+  // Above `close` the mode is set, below `open` it is reset: w = close - signal and signal - open, which nothing sees.
+  void add_guards(Index i) {
+    const Element& e = element(i);
+    const Index one = s_.of_u(0), set = own(i).guard;
+    const double scale = e.thyristor ? 1 / e.thyristor->gate : 1;
+    const double close = e.thyristor ? 1 : e.gate.threshold + e.gate.hysteresis,
+                 open = e.thyristor ? 1 : e.gate.threshold - e.gate.hysteresis;
+    const Rows signal = control_of(e);
+    for (const double sign : {-1.0, 1.0}) {
+      Terms others{{one, sign < 0 ? close : -open}, {s_.of_y(sign < 0 ? set : set + 1), 1}};
+      if (e.thyristor) others.emplace_back(s_.of_y(own(i).y), sign / e.thyristor->holding);
+      add_row(e.name + (sign < 0 ? ".set" : ".reset"), signal, 0, sign * scale, others);
+    }
+    made_.memories.push_back({i, own(i).storage, set, set + 1});
+  }
+
+  Rows form_of(const LinearForm& form, const Element& e) const {
+    Rows row(1, s_.count());
+    row.insert(0, s_.of_u(0)) = form.constant;
+    for (const LinearForm::OfVoltage& one : form.voltages)
+      row += one.factor *
+             Rows(Rows(network_.voltages.row(nodes_.at(one.from))) - Rows(network_.voltages.row(nodes_.at(one.to))));
+    for (const LinearForm::OfCurrent& one : form.currents)
+      row += one.factor * Rows(currents_.row(element_named(netlist_, one.element, e)));
+    return row;
+  }
+
+  // The voltage or the current that controls a switch or a thyristor: one row.
+  Rows control_of(const Element& e) const {
+    if (e.kind == 'U') return form_of(*e.form, e);
+    if (e.kind != 'W') return Rows(network_.voltages.row(node(e, 2))) - Rows(network_.voltages.row(node(e, 3)));
     const std::map<std::string, Index> sources = voltage_sources(netlist_);
+    const auto source = sources.find(e.controlled_by);
+    if (source == sources.end())
+      throw Error(to_string(e.place), fmt::format("{}: there is no voltage source '{}'", e.name, e.controlled_by),
+                  "name a voltage source, one of 0 V where there is none");
+    return currents_.row(source->second);
+  }
+
+  void add_gates() {
     const Index gates = Index(made_.inputs.size()) + 1;  // sources behind this number are bounds of gates
     for (Index i = 0; i < Index(netlist_.elements.size()); ++i) {
       const Element& e = element(i);
-      if (e.kind != 'S' && e.kind != 'W') continue;
+      if ((e.kind != 'S' && e.kind != 'W' && e.kind != 'U') || own(i).guard >= 0) continue;
       Gate gate{i, own(i).source, leak, bound, {}};
       double of_sources = 0, of_others = 0;
-      const auto add = [&](const Rows& of, Index row, double factor) {
-        for (Rows::InnerIterator one(of, row); one; ++one) {
-          const Index source = one.col() - s_.of_u(0);
-          const bool independent = source >= 0 && source < gates;
-          if (independent) gate.control.push_back({source, factor * one.value()});
-          double& largest = independent ? of_sources : of_others;
-          largest = std::max(largest, std::abs(one.value()));
-        }
-      };
-      if (e.kind == 'S') {
-        Rows c = Rows(network_.voltages.row(node(e, 2))) - Rows(network_.voltages.row(node(e, 3)));
-        add(c, 0, 1);
-      } else {
-        const auto source = sources.find(e.controlled_by);
-        if (source == sources.end())
-          throw Error(to_string(e.place), fmt::format("{}: there is no voltage source '{}'", e.name, e.controlled_by),
-                      "name a voltage source, one of 0 V where there is none");
-        add(currents_, source->second, 1);
+      const Rows control = control_of(e);
+      for (Rows::InnerIterator one(control, 0); one; ++one) {
+        const Index source = one.col() - s_.of_u(0);
+        const bool independent = source >= 0 && source < gates;
+        if (independent) gate.control.push_back({source, one.value()});
+        double& largest = independent ? of_sources : of_others;
+        largest = std::max(largest, std::abs(one.value()));
       }
-      if (of_others > no_effect * std::max(of_sources, 1e-3))
-        throw Error(to_string(e.place), fmt::format("switch {} is controlled by the state of the circuit", e.name),
-                    "control it by independent sources");
-      if (!(opens(e) && in_tree(i))) gate.open = bound, gate.closed = 0;
+      if (of_others > no_effect * std::max(of_sources, 1e-3)) controlled_.push_back(i);
+      if (e.kind == 'U')
+        gate.open = 0, gate.closed = 1;
+      else if (!(opens(e) && in_tree(i)))
+        gate.open = bound, gate.closed = 0;
       made_.gates.push_back(std::move(gate));
     }
   }
@@ -276,11 +337,22 @@ class Reducer {
   NetworkSolution network_;
   Rows currents_, voltages_;  ///< of elements, over s
   Rows D_of_x_, D_of_slope_, X_;
+  Triplets pair_rows_;
+  std::vector<Index> controlled_;
   Reduction made_;
 };
 
 }  // namespace
 
-Reduction reduce(const Netlist& netlist) { return Reducer(netlist).run(); }
+Reduction reduce(const Netlist& netlist) {
+  std::vector<char> remembers;
+  for (const Element& e : netlist.elements) remembers.push_back(e.thyristor.has_value());
+  for (;;) {
+    Reducer reducer(netlist, remembers);
+    Reduction made = reducer.run();
+    if (reducer.controlled().empty()) return made;
+    for (const Index i : reducer.controlled()) remembers[std::size_t(i)] = 1;
+  }
+}
 
 }  // namespace bromwich::circuits

@@ -1,10 +1,11 @@
 #include "circuits/signals.hpp"
 
 #include <cmath>
+#include <string>
 
 namespace bromwich::circuits {
 
-Signals number_signals(const Netlist& netlist, const NormalTree& tree) {
+Signals number_signals(const Netlist& netlist, const NormalTree& tree, const std::vector<char>& remembers) {
   const std::size_t count = netlist.elements.size();
   Signals s;
   s.own.resize(count);
@@ -18,10 +19,17 @@ Signals number_signals(const Netlist& netlist, const NormalTree& tree) {
     if (e.kind == 'D') own.y = s.pairs++;
     if (e.kind == 'D' && std::isfinite(e.diode.reverse)) own.y2 = s.pairs++;
     if (e.kind == 'S' || e.kind == 'W') own.y = s.pairs++, own.y2 = s.pairs++;
+    if (e.kind == 'P') own.y = s.pairs++;
     if (e.kind == 'V' || e.kind == 'I') own.source = s.sources++, s.inputs.push_back(Index(i));
   }
-  for (std::size_t i = 0; i < count; ++i)
-    if (netlist.elements[i].kind == 'S' || netlist.elements[i].kind == 'W') s.own[i].source = s.sources++;
+  for (std::size_t i = 0; i < count; ++i) {
+    if (remembers[i]) {
+      s.own[i].guard = s.pairs, s.pairs += 2, s.guards += 2;
+      s.storage.push_back(Index(i));
+    } else if (std::string("SWU").find(netlist.elements[i].kind) != std::string::npos) {
+      s.own[i].source = s.sources++;
+    }
+  }
   s.states = Index(s.storage.size());
   s.excess = Index(excess.size());
   s.storage.insert(s.storage.end(), excess.begin(), excess.end());

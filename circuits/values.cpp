@@ -181,7 +181,7 @@ std::string Parameters::plain(const std::string& s, const Place& place, int dept
       const bool call = open != std::string::npos && s[open] == '(';
       const Parameters* scope = nullptr;
       if (const Definition* d = call ? nullptr : find(name, scope)) {
-        out += spelled(scope->of(*d));
+        out += d->argument ? "(" + d->expression + ")" : spelled(scope->of(*d));
       } else if (const Function* f = call ? find_function(name) : nullptr) {
         std::vector<std::string> arguments = call_arguments(s, open, end, place);
         if (arguments.size() != f->arguments.size())
@@ -190,7 +190,7 @@ std::string Parameters::plain(const std::string& s, const Place& place, int dept
                       "correct the call");
         Parameters inner(this);
         for (std::size_t k = 0; k < arguments.size(); ++k)
-          inner.define(f->arguments[k], plain(arguments[k], place, depth + 1), place);
+          inner.definitions_[f->arguments[k]] = {plain(arguments[k], place, depth + 1), place, {}, false, true};
         out += "(" + inner.plain(f->expression, place, depth + 1) + ")";
       } else if (call && name == "if") {
         const std::vector<std::string> a = call_arguments(s, open, end, place);

@@ -41,6 +41,7 @@ class Parameters {
     Place place;
     mutable std::optional<double> value = {};
     mutable bool open = false;  ///< is being evaluated
+    bool argument = false;      ///< of a function: stands for its text
   };
   struct Function {
     std::vector<std::string> arguments;

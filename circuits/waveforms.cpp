@@ -1,6 +1,7 @@
 #include "circuits/waveforms.hpp"
 
 #include "core/base/error.hpp"
+#include "core/result/located_solution.hpp"
 #include "core/solve/dense_output.hpp"
 
 #include <fmt/format.h>
@@ -27,7 +28,10 @@ constexpr std::array<double, 4> point_weights{0.3626837833783619829651504, 0.313
 
 std::vector<double> edges_between(const Circuit& c, const Result& r, double from, double to) {
   std::vector<double> all(r.t.begin(), r.t.end());
-  for (const Switch& s : switches(r)) all.push_back(s.t);
+  if (r.located)
+    for (const EventPiece& piece : r.located->pieces) all.push_back(piece.begin);
+  else
+    for (const Switch& s : switches(r)) all.push_back(s.t);
   for (const std::vector<double>* times : {&c.scene.breakpoints, &c.kinks})
     all.insert(all.end(), times->begin(), times->end());
   for (Index k = 1; k < least_pieces; ++k) all.push_back(from + (to - from) * double(k) / double(least_pieces));
@@ -114,16 +118,17 @@ double CircuitWaveforms::extreme(const Probe& p, double sign) const {
   }
 }
 
-std::vector<std::complex<double>> CircuitWaveforms::harmonics(const Probe& p, Index count) const {
+std::complex<double> CircuitWaveforms::spectrum(const Probe& p, double omega) const {
   const Vector values = p(t_, outputs_).cwiseProduct(weights_);
+  std::complex<double> sum = 0;
+  for (Index j = 0; j < t_.size(); ++j) sum += values[j] * std::polar(1.0, -omega * (t_[j] - from()));
+  return sum;
+}
+
+std::vector<std::complex<double>> CircuitWaveforms::harmonics(const Probe& p, Index count) const {
   const double T = to() - from();
   std::vector<std::complex<double>> found;
-  for (Index k = 1; k <= count; ++k) {
-    std::complex<double> sum = 0;
-    for (Index j = 0; j < t_.size(); ++j)
-      sum += values[j] * std::polar(1.0, -2 * std::numbers::pi * double(k) * (t_[j] - from()) / T);
-    found.push_back(2.0 / T * sum);
-  }
+  for (Index k = 1; k <= count; ++k) found.push_back(2.0 / T * spectrum(p, 2 * std::numbers::pi * double(k) / T));
   return found;
 }
 

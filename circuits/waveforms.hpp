@@ -31,6 +31,8 @@ class CircuitWaveforms {
   double peak_to_peak(const Probe& p) const { return max(p) - min(p); }
   /// c_1, ..., c_count of p(t) = mean + Σ Re(c_k e^{2 pi i k (t - from)/(to - from)}).
   std::vector<std::complex<double>> harmonics(const Probe&, Index count) const;
+  /// ∫ p(t) e^{-i omega (t - from)} dt.
+  std::complex<double> spectrum(const Probe&, double omega) const;
   /// Times at which p passes 0, up or down, increasing; `rising`: +1, -1, or 0 for both.
   std::vector<double> crossings(const Probe&, int rising) const;
   std::vector<double> values(const Probe&, const std::vector<double>& times) const;

@@ -245,7 +245,7 @@ Range map_range(const RowMatrix& cells) {
   Range range{INFINITY, -INFINITY};
   for (const double v : cells.reshaped())
     if (std::isfinite(v)) range = {std::min(range.lo, v), std::max(range.hi, v)};
-  if (range.lo < range.hi) return range;
+  if (apart(range.lo, range.hi)) return range;
   return std::isfinite(range.lo) ? Range{range.lo, range.lo == 0 ? 1 : range.lo + std::abs(range.lo)} : Range{0, 1};
 }
 

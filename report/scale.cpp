@@ -130,6 +130,8 @@ std::vector<Tick> Scale::decades(int count) const {
   return ticks;
 }
 
+bool apart(double lo, double hi) { return hi - lo > 1e-12 * std::max(std::abs(lo), std::abs(hi)); }
+
 Range range_of(const std::vector<double>& values, bool logarithmic) {
   double lo = INFINITY, hi = -INFINITY;
   for (const double v : values) {
@@ -139,7 +141,7 @@ Range range_of(const std::vector<double>& values, bool logarithmic) {
   }
   if (!(lo <= hi)) return logarithmic ? Range{1e-1, 1} : Range{0, 1};
   if (logarithmic) return round_range(lo, hi);
-  if (lo == hi) {
+  if (!apart(lo, hi)) {
     const double pad = lo == 0 ? 1 : 0.1 * std::abs(lo);
     return {lo == 0 ? 0 : lo - pad, hi + pad};
   }

@@ -54,6 +54,9 @@ struct Range {
   double lo = 0, hi = 1;
 };
 
+/// Whether lo < hi by more than rounding.
+bool apart(double lo, double hi);
+
 /// The range of all finite values, somewhat wider, and from 0 where that is near; 0 to 1 without values. Logarithmic:
 /// whole decades around the positive ones.
 Range range_of(const std::vector<double>& values, bool logarithmic = false);

@@ -7,6 +7,7 @@
 #include "core/events/successor.hpp"
 #include "core/events/switched_system.hpp"
 #include "core/kernel/start_rounding.hpp"
+#include "core/scene/scene.hpp"
 
 #include <Eigen/Dense>
 
@@ -22,6 +23,7 @@ constexpr double rounding_defect = 3e-13;
 constexpr int idle_events = 40;      ///< events within a short time that count as accumulated
 constexpr double idle_share = 1e-7;  ///< of T: that time
 constexpr int most_accumulations = 200;
+constexpr int most_resets_at_once = 32;
 constexpr const char* lost_sign = "terms of y cancel so far that rounding decides its sign";
 constexpr std::size_t most_stored = 60000000;  ///< numbers in the pieces
 
@@ -40,6 +42,7 @@ class EventIntegration {
         m_(system_.states()),
         n_(system_.constraints()),
         sources_(scene),
+        resets_(scene.resets),
         short_steps_(system_, sources_, T_),
         steps_(system_, sources_, T_, longest_span(), o.tolerance, longest_),
         successor_(system_, sources_, short_steps_, steps_, T_) {
@@ -127,6 +130,31 @@ class EventIntegration {
   bool continue_with(const std::optional<std::vector<Index>>& likely, bool y_is_known) {
     const Vector before = at_.y;
     const double t = at_.t;
+    std::vector<Index> reset;
+    EventPoint here = at_;
+    Successor::Choice next = choose(likely, y_is_known);
+    for (int k = 0; next.mode && do_resets(*next.mode, here, reset); ++k) {
+      if (k == most_resets_at_once) return give_up("modes with memory change without end");
+      at_ = here;
+      next = choose(next.mode->active, false);
+    }
+    if (!next.unique && enumerates_)
+      return give_up("the solution is not unique: two active sets continue it differently",
+                     EventEnd::several_solutions);
+    if (!next.mode) return pass_unknown();
+    unknown_ = 0;
+    mode_ = next.mode;
+    for (const EventImpulse& impulse : next.impulses) note_impulse(impulse.p);
+    if (t > 0) note_jump_of_y(before, next.step);
+    if (t > 0 && !reset.empty()) solution_.continuous = false;
+    accept(next.step);
+    solution_.pieces.back().impulses = next.impulses;
+    solution_.pieces.back().resets = std::move(reset);
+    pending_event_ = next.step.valid < 1 ? next.step.event : -1;
+    return true;
+  }
+
+  Successor::Choice choose(const std::optional<std::vector<Index>>& likely, bool y_is_known) {
     const EventPoint here = at_;
     Successor::Choice next =
         enumerates_ ? successor_.choose_among_all(at_) : successor_.choose(at_, y_is_known, likely);
@@ -138,18 +166,22 @@ class EventIntegration {
       at_ = here;
       next = successor_.choose_brief(at_);
     }
-    if (!next.unique && enumerates_)
-      return give_up("the solution is not unique: two active sets continue it differently",
-                     EventEnd::several_solutions);
-    if (!next.mode) return pass_unknown();
-    unknown_ = 0;
-    mode_ = next.mode;
-    for (const EventImpulse& impulse : next.impulses) note_impulse(impulse.p);
-    if (t > 0) note_jump_of_y(before, next.step);
-    accept(next.step);
-    solution_.pieces.back().impulses = next.impulses;
-    pending_event_ = next.step.valid < 1 ? next.step.event : -1;
-    return true;
+    return next;
+  }
+
+  // Those whose guard the mode finds below 0. False: none changes the state.
+  bool do_resets(const SwitchedMode& mode, EventPoint& p, std::vector<Index>& done) const {
+    constexpr double same = 1e-6;
+    bool any = false;
+    for (const Reset& r : resets_) {
+      if (!std::binary_search(mode.active.begin(), mode.active.end(), r.guard)) continue;
+      double& x = p.x[r.state];
+      if (std::abs(x - r.value) <= same * std::max(std::abs(x), std::abs(r.value))) continue;
+      x = r.value;
+      done.push_back(r.state);
+      any = true;
+    }
+    return any;
   }
 
   void note_impulse(const Vector& impulse) {
@@ -300,6 +332,7 @@ class EventIntegration {
   const SystemMatrices system_;
   const Index m_, n_;
   const EventSources sources_;
+  const std::vector<Reset>& resets_;
   ShortSteps short_steps_;
   EventSteps steps_;
   Successor successor_;

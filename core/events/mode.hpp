@@ -24,9 +24,11 @@ namespace bromwich {
 struct SystemMatrices {
   Matrix A, B, N, M;
   Vector restitution = {};  ///< n coefficients of Newton's law, or empty: 0
+  Index guards = 0;         ///< the last rows, which nothing sees: y_i = max(0, -w_i / M_ii) there
 
   Index states() const { return A.rows(); }
   Index constraints() const { return M.rows(); }
+  Index pairs() const { return M.rows() - guards; }
 };
 
 /// Rows that are linear in u; a block without columns is zero.

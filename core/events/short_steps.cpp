@@ -28,20 +28,21 @@ ShortSteps::ShortSteps(const SystemMatrices& system, const EventSources& sources
 bool ShortSteps::unique(LcpClass lcp_class) {
   class_ = LcpClass::P;
   limit_of_P_ = false;
-  if (system_.constraints() == 0 || has_one_solution(lcp_class)) return true;
-  const bool monotone_M = is_PSD(LcpMatrix(system_.M));
+  const Index n = system_.pairs();
+  if (n == 0 || has_one_solution(lcp_class)) return true;
+  const Matrix M = system_.M.topLeftCorner(n, n);
+  const bool monotone_M = is_PSD(LcpMatrix(M));
   for (const double share : {1e-2, 1e-5}) {
-    const Matrix moved = response(share / rate_), whole = system_.M + moved;
+    const Matrix moved = response(share / rate_).topLeftCorner(n, n), whole = M + moved;
     if (has_one_solution(classify(LcpMatrix(whole)))) continue;
     // The parts of M and of the response by themselves: that of a skew M is zero, and rounding of M does not count.
-    const Monotone found = monotone_M
-                               ? monotone(Matrix(system_.M + system_.M.transpose()) + Matrix(moved + moved.transpose()))
-                               : Monotone::no;
+    const Monotone found =
+        monotone_M ? monotone(Matrix(M + M.transpose()) + Matrix(moved + moved.transpose())) : Monotone::no;
     if (found == Monotone::yes) {
       class_ = LcpClass::PSD;
       continue;
     }
-    limit_of_P_ = found == Monotone::no && system_.constraints() <= most_exact && is_P_exact(regularized(whole));
+    limit_of_P_ = found == Monotone::no && n <= most_exact && is_P_exact(regularized(whole));
     if (!limit_of_P_) {
       class_ = LcpClass::unknown;
       return false;
@@ -67,10 +68,10 @@ Matrix ShortSteps::response(double h) const {
 // Whether the problem of a step, with twice the symmetric part S of its matrix, is monotone, and whether it determines
 // B y: the difference of two solutions lies in the null space of S.
 ShortSteps::Monotone ShortSteps::monotone(const Matrix& S) const {
-  const Index n = system_.constraints();
+  const Index n = S.rows();
   const Vector by = S.diagonal().cwiseAbs().cwiseMax(1e-290).cwiseSqrt().cwiseInverse();
   const Eigen::SelfAdjointEigenSolver<Matrix> solver(Matrix(by.asDiagonal() * S * by.asDiagonal()));
-  const Matrix B = system_.B * by.asDiagonal();
+  const Matrix B = system_.B.leftCols(n) * by.asDiagonal();
   const double zero = 1e-9 * solver.eigenvalues()[n - 1];
   if (!(solver.eigenvalues()[0] >= -zero)) return Monotone::no;
   const Vector size = B.cwiseAbs().rowwise().maxCoeff();  // of each state: they may have any units
@@ -88,22 +89,40 @@ ShortSteps::Step ShortSteps::take(double t, double h, const Vector& x, const Vec
   const Matrix moved = h * lu.solve(system_.B), problem = system_.M + system_.N * moved;
   const Vector free = h * lu.solve(Vector(system_.A * x + sources_.f(t + h)));
   const Vector q = (system_.N * x + sources_.g(t + h) - offset) + system_.N * free;
+  const Index n = system_.pairs();
+  const Matrix pairs = problem.topLeftCorner(n, n);
   Step step;
-  ActiveSetLcp lcp(limit_of_P_ ? regularized(problem) : problem, class_);
-  step.solved = lcp.solve(q, step.y).solved;
+  Vector slack;
+  step.solved = n == 0;
+  if (n > 0) {
+    ActiveSetLcp lcp(limit_of_P_ ? regularized(pairs) : pairs, class_);
+    step.solved = lcp.solve(q.head(n), step.y).solved;
+    if (step.solved) slack = lcp.slack();
+  }
+  step.pairs = n;
   step.problem = problem;
   step.q = q;
+  step.y.conservativeResize(q.size());
+  for (Index i = n; i < q.size(); ++i)
+    step.y[i] = std::max(0.0, -(problem.row(i).head(n) * step.y.head(n) + q[i]) / problem(i, i));
   if (!step.solved) return step;
   step.x = x + free + moved * step.y;
-  const Vector terms = problem.cwiseAbs() * step.y + q.cwiseAbs();
+  const Vector terms = problem.cwiseAbs() * step.y + q.cwiseAbs(), w = problem * step.y + q;
   for (Index i = 0; i < q.size(); ++i)
-    if (step.y[i] > 0 || lcp.slack()[i] <= zero_share * terms[i]) step.zero_w.push_back(i);
+    if (step.y[i] > 0 || (i < n ? slack[i] : w[i]) <= zero_share * terms[i]) step.zero_w.push_back(i);
   return step;
 }
 
 std::vector<Index> ShortSteps::Step::basis() const {
-  const Equilibration e = equilibrate(problem);
-  return lemke(e.rows.asDiagonal() * problem * e.columns.asDiagonal(), e.rows.cwiseProduct(q)).basis;
+  if (pairs == 0) return {};
+  const Matrix P = problem.topLeftCorner(pairs, pairs);
+  const Equilibration e = equilibrate(P);
+  std::vector<Index> found =
+      lemke(e.rows.asDiagonal() * P * e.columns.asDiagonal(), e.rows.cwiseProduct(q.head(pairs))).basis;
+  if (found.empty()) return found;
+  for (Index i = pairs; i < q.size(); ++i)
+    if (y[i] > 0) found.push_back(i);
+  return found;
 }
 
 }  // namespace bromwich

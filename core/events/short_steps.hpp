@@ -28,6 +28,7 @@ class ShortSteps {
     std::vector<Index> zero_w;  ///< w_i = 0, whether y_i is positive or not
     Matrix problem;             ///< of the step, with q
     Vector q;
+    Index pairs = 0;  ///< rows before the guards
     /// Of Lemke's method, where y_i = w_i = 0 too; empty if it ends on a ray.
     std::vector<Index> basis() const;
   };

@@ -13,7 +13,7 @@ namespace bromwich {
 /// zeros. M y is rounding of w then, and would decide signs of y all the same.
 inline SystemMatrices switched_system(const Scene& scene) {
   const DenseDynamics& d = *scene.dynamics->small_state();
-  SystemMatrices s{d.A, d.B, d.N, to_dense(scene.M), scene.restitution};
+  SystemMatrices s{d.A, d.B, d.N, to_dense(scene.M), scene.restitution, guards(scene)};
   if (s.states() == 0) return s;
   const double rate = s.A.cwiseAbs().rowwise().sum().maxCoeff(), h = std::min(scene.T, 1 / std::max(rate, 1e-290));
   const Matrix moves = h * (s.N.cwiseAbs() * s.B.cwiseAbs());

@@ -39,6 +39,7 @@ bool ends(const Result& r) { return r.status == Status::solved || r.status == St
 Result by_shooting(const Scene& scene, Backend& backend, const InnerOptions& options) {
   Result from_rest = solve_by_shooting(scene, backend, options);
   if (ends(from_rest)) return from_rest;
+  if (!scene.resets.empty()) return from_rest;
   const Vector start = start_by_galerkin(scene, backend, options);
   if (start.size() == 0) return from_rest;
   Result again = solve_by_shooting(scene, backend, options, start);
@@ -56,9 +57,13 @@ Result for_goal(const Scene& scene, Backend& backend, const InnerOptions& option
 
 // Impacts with restitution are located: steps would take them as without.
 bool bounces(const Scene& scene) { return (scene.restitution.array() > 0).any(); }
+// So are resets.
+bool is_located(const Scene& scene) { return bounces(scene) || !scene.resets.empty(); }
 
 constexpr const char* of_impacts =
     "impacts with restitution are taken by located events alone, with initial values; use method events";
+
+constexpr const char* of_resets = "modes with memory are taken by located events alone; use method events";
 
 std::string not_shooting(const Scene& scene) {
   if (bounces(scene)) return of_impacts;
@@ -69,11 +74,16 @@ std::string not_shooting(const Scene& scene) {
 
 std::string not_events(const Scene& scene) {
   const std::string why = unsuited_to_events(scene);
-  return why.empty() ? "" : "method events: " + why + (bounces(scene) ? "" : "; use method march or euler");
+  return why.empty() ? "" : "method events: " + why + (is_located(scene) ? "" : "; use method march or euler");
+}
+
+std::string not_impacts(const Scene& scene) {
+  if (bounces(scene)) return of_impacts;
+  return scene.resets.empty() ? "" : of_resets;
 }
 
 std::string not_on_steps(const Scene& scene) {
-  if (bounces(scene)) return of_impacts;
+  if (std::string why = not_impacts(scene); !why.empty()) return why;
   if (scene.boundary)
     return "it needs initial values and the scene has boundary values; use method shooting or galerkin";
   if (!scene.free_rows.empty() && !can_eliminate_free(scene))
@@ -81,11 +91,9 @@ std::string not_on_steps(const Scene& scene) {
   return "";
 }
 
-std::string not_impacts(const Scene& scene) { return bounces(scene) ? of_impacts : ""; }
-
 bool never(const Scene&, const InnerOptions&) { return false; }
 bool always(const Scene&, const InnerOptions&) { return true; }
-bool has_impacts(const Scene& scene, const InnerOptions&) { return bounces(scene) && !scene.boundary; }
+bool has_impacts(const Scene& scene, const InnerOptions&) { return is_located(scene) && !scene.boundary; }
 bool has_boundary(const Scene& scene, const InnerOptions& options) { return scene.boundary && !options.event_location; }
 
 /// Of grids that are tried where method shooting has found no x(0): states that it does not find, unstable ones and

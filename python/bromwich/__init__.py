@@ -36,8 +36,10 @@ from ._errors import (
     SingularShift,
 )
 from ._batch import BatchResult, solve_batch
+from ._balance import Balance, ElementPower
 from ._backends import BackendInfo, backends, cuda_devices
-from ._circuit import Balance, Circuit, CircuitScene, ElementPower, circuit
+from ._circuit import Circuit, CircuitScene, circuit
+from ._circuit_map import CircuitMap
 from ._invert import Inverse, invert
 from ._lcp import LcpGradient, LcpResult, LcpTangent, lcp
 from ._mechanics import Contact, MechanicalScene, Structure
@@ -62,6 +64,7 @@ __all__ = [
     "BatchDerivative",
     "BatchResult",
     "Circuit",
+    "CircuitMap",
     "CircuitScene",
     "Contact",
     "ContactImpact",

@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 import os
-from typing import Any, NamedTuple
+import warnings
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
 from . import _core
 from ._arrays import number, word
-from ._errors import Error
+from ._circuit_map import CircuitMap, circuit_map
+from ._errors import Error, NotSolved, NotSolvedWarning, require
+from ._machine import wanted
+from ._progress import reporting
 from ._scene import Scene
+from ._solve import Backend, Check, Method, Progress, _options, judgement
 
 
 class CircuitScene(Scene):
@@ -50,6 +56,68 @@ class CircuitScene(Scene):
         equations what others determine: ``loops`` (of capacitors), ``cutsets`` (of inductors), ``windings``."""
         return dict(self._netlist.reduction)
 
+    @property
+    def steps(self) -> dict[str, np.ndarray]:
+        """Parameters that ``.step`` cards vary, in lower case, and their values: the default of :meth:`map`."""
+        return {name: np.array(values) for name, values in self._netlist.steps}
+
+    def map(
+        self,
+        *columns: str,
+        backend: Backend = "cpu",
+        threads: int = 0,
+        method: Method = "auto",
+        steps: int | None = None,
+        tol_x: float | None = None,
+        progress: Progress | bool | None = None,
+        stop: Callable[[], bool] | None = None,
+        check: Check = "warn",
+        **axes: Any,
+    ) -> CircuitMap:
+        """Numbers of the solution at many operating points, which threads share.
+
+        Args:
+            columns: ``mean(V(out))``, also ``rms``, ``min``, ``max``, ``ripple`` and ``thd`` of an output, a difference or a
+                power; ``V(out)``: at the end; ``power(D1)``: the mean that an element takes; ``efficiency``; names of ``.meas``
+                cards. None: all ``.meas`` cards, otherwise means and efficiency of a periodic state, or voltages at the end.
+            axes: parameters of the netlist and their values; every value is combined with every other one. None: those of
+                ``.step`` cards.
+            backend, threads, method, steps, tol_x, progress, stop: as :func:`solve` takes them. A periodic state takes 16 rows
+                by default: its switches are located, whatever the rows are.
+            check: ``"warn"`` warns where a point is not solved, True raises, False does nothing.
+
+        Raises:
+            Error: for a column or a parameter that is unknown.
+
+        Example:
+            >>> boost = circuit("boost.cir").periodic()
+            >>> m = boost.map("efficiency", duty=np.linspace(0.2, 0.7, 100), rload=np.geomspace(5, 100, 100))
+            >>> m.plot("efficiency")
+        """
+        assert self._recipe is not None
+        judgement(check, progress, stop)
+        given = {word(name, "axes").lower(): np.atleast_1d(np.asarray(v, dtype=float)) for name, v in axes.items()} or self.steps
+        require(bool(given), "axes", "there is no parameter to vary; give one, map(duty=[0.3, 0.4]), or add .step to the netlist")
+        for name, values in given.items():
+            require(values.ndim == 1 and values.size > 0, name, "give a list of numbers")
+            require(name in self.parameters, name, f"is no .param of the netlist; use one of {', '.join(self.parameters)}")
+        _, (source, from_file, folder, period), settings = self._recipe
+        text, title, folder = (_contents(source), os.path.basename(source), os.path.dirname(source)) if from_file else (source, "netlist", folder)
+        kept = {name: float(v) for name, v in settings.items() if name.lower() not in given}
+        of_period = period is not None and steps is None and tol_x is None
+        options = _options(self, method=method, states="all", steps=16 if of_period else steps, tol_x=tol_x)
+        netlist = _core.CircuitSource(text, title, folder, kept, period)
+        with reporting(progress, options.iteration_tolerance) as report:
+            found = circuit_map(self.name, netlist, given, [word(c, "columns") for c in columns], options, wanted(backend, None, threads, None), report, stop)
+        unsolved = int(np.sum(~found.ok))
+        if unsolved and check is not False:
+            first = next(reason for reason in found.reason.flat if reason)
+            message = f"{unsolved} of {found.ok.size} operating points are not solved; the first: {first}"
+            if check is True:
+                raise NotSolved(message, found)
+            warnings.warn(message, NotSolvedWarning, stacklevel=2)
+        return found
+
     def periodic(self, period: float | None = None) -> CircuitScene:
         """The periodic state, x(0) = x(T), as a scene with T the period; sources are as they are long after their delay.
 
@@ -88,25 +156,9 @@ class CircuitScene(Scene):
         return made
 
 
-class ElementPower(NamedTuple):
-    """An element over a span of time."""
-
-    power: float  #: W, the mean of v i: what it takes; less than 0 where it supplies
-    mean: float  #: of its current, A
-    rms: float  #: of its current
-    peak: float  #: the largest absolute value of its current
-
-
-class Balance(NamedTuple):
-    """Where the energy of a circuit goes over a span of time: supplied = stored + dissipated."""
-
-    supplied: float  #: J, by sources
-    stored: float  #: J, by capacitors and inductors, from the states at both ends
-    dissipated: float  #: J, by resistors, diodes and switches
-    error: float  #: of the balance, relative to what flows
-    load: str  #: the resistor that takes most
-    efficiency: float  #: its part of what is supplied
-    elements: dict[str, ElementPower]  #: by name
+def _contents(file: str) -> str:
+    with open(file, encoding="utf-8", errors="surrogateescape") as netlist:
+        return netlist.read()
 
 
 def circuit(source: str | os.PathLike[str], **parameters: float) -> CircuitScene:
@@ -211,6 +263,17 @@ class Circuit:
     ) -> Circuit:
         """A switch: closes where the voltage from c to d rises above Vt + Vh, and opens where it falls below Vt - Vh."""
         return self._model("S", name, (a, b, c, d), "SW", Ron=Ron, Roff=Roff, Vt=Vt, Vh=Vh)
+
+    def B(self, name: str, a: Any, b: Any, *, V: Any = None, I: Any = None) -> Circuit:  # noqa: E741
+        """A source of voltage ``V`` or current ``I`` with a piecewise linear expression, ``V="limit(10*V(c), -5, 5)"``."""
+        if (V is None) == (I is None):
+            raise Error("V: found both or none of V and I; give one expression", "V")
+        kind, expression = ("V", V) if I is None else ("I", I)
+        return self._element("B", name, (a, b), f"{kind}={word(expression, kind)}")
+
+    def X(self, name: str, *nodes: Any, subcircuit: str, **parameters: Any) -> Circuit:
+        """A subcircuit, of a card or of the library: ``c.X("X1", "in", "ref", "out", subcircuit="comparator", Vh=0.1)``."""
+        return self._element("X", name, nodes, word(subcircuit, "subcircuit"), **parameters)
 
     def param(self, **values: Any) -> Circuit:
         """Parameters, which texts in braces use and :meth:`scene` may replace."""

@@ -11,7 +11,7 @@ import numpy as np
 
 from . import _core
 from ._arrays import number, whole_number
-from ._circuit import Balance, ElementPower
+from ._balance import Balance, ElementPower
 from ._contacts import ContactReport, report_of
 from ._derivative import Derivative
 from ._errors import require
@@ -208,6 +208,37 @@ class Result(Rows):
         """Of a circuit: total harmonic distortion of an output over [start, end], all frequencies above 1/(end - start)
         relative to that one; NaN without it."""
         return _netlist(self, name).distortion(self._answer, name, *self._between(start, end))
+
+    def frequency_response(self, name: str, source: str, frequencies: Any) -> np.ndarray:
+        """Of the periodic state of a circuit: what a small sine of a source does to an output at the same frequency, as a
+        complex number for each of ``frequencies`` in Hz.
+
+        An output impedance is the voltage of a node by an ``I`` source of 0 A into it. Switches move with the signal, and gates
+        and modes with memory do: no averaged model is made, and no transient is computed.
+
+        Args:
+            name: an output, a difference or a power.
+            source: an independent source, ``"V1"`` or ``"I1"``.
+
+        Example:
+            >>> p = solve(circuit("buck.cir").periodic())
+            >>> np.abs(p.frequency_response("V(out)", "Vin", [100, 1e3, 10e3]))
+        """
+        return self._responses([name], source, frequencies)[:, 0]
+
+    def loop_gain(self, source: str, frequencies: Any) -> np.ndarray:
+        """Of the periodic state of a circuit: the gain of the loop that a source ``V`` of 0 V is put into, -V(second)/V(first node).
+
+        The first node of the source is the input of what controls, the second one the output that is fed back (Middlebrook
+        1975); the loop is stable where the gain has less than 180 degrees of lag at 1.
+        """
+        first, second = _netlist(self, "source").nodes(source)
+        found = self._responses([first, second], source, frequencies)
+        return -found[:, 1] / found[:, 0]
+
+    def _responses(self, names: list[str], source: str, frequencies: Any) -> np.ndarray:
+        at = np.atleast_1d(np.asarray(frequencies, dtype=float))
+        return _netlist(self, names[0]).responses(self._answer, names, source, at.tolist())
 
     def _between(self, start: float | None, end: float | None) -> tuple[float, float]:
         first, last = self._span()

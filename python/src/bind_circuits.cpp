@@ -1,12 +1,18 @@
 // Netlists: their scene, and outputs of its results.
 
 #include "answer.hpp"
+#include "app/backend_choice.hpp"
 #include "arrays.hpp"
 #include "calls.hpp"
 #include "circuits/balance.hpp"
 #include "circuits/measures.hpp"
+#include "circuits/operating_map.hpp"
 #include "circuits/probe.hpp"
+#include "circuits/small_signal.hpp"
+#include "core/base/error.hpp"
+#include "machine.hpp"
 
+#include <nanobind/eigen/dense.h>
 #include <nanobind/stl/complex.h>
 #include <nanobind/stl/map.h>
 #include <nanobind/stl/optional.h>
@@ -104,6 +110,59 @@ nb::dict balance_of(const Circuit& c, const Answer& answer, double from, double 
   return d;
 }
 
+/// A netlist as circuit() has read it.
+struct NetlistSource {
+  std::string text, name, folder;
+  Settings settings;
+  std::optional<double> period;
+
+  Circuit with(const Settings& point) const {
+    Settings all = settings;
+    for (const auto& [name, value] : point) all[name] = value;
+    return parse_circuit(text, name, folder, all, period);
+  }
+};
+
+nb::dict map_of(const NetlistSource& source, std::vector<std::pair<std::string, std::vector<double>>> steps,
+                std::vector<std::string> columns, const Options& given, const Wanted& wanted, nb::object progress,
+                nb::object stop) {
+  Calls calls(std::move(progress), std::move(stop));
+  const auto found = unlocked(calls, [&] {
+    struct Found {
+      OperatingMap map;
+      std::string backend;
+      bool by_keyboard = false;
+    };
+    auto answer = std::make_shared<Found>();
+    std::vector<CircuitStep> all;
+    for (auto& [name, values] : steps) all.push_back({name, std::move(values)});
+    const ReadCircuit read = [&](const Settings& point) { return source.with(point); };
+    const Circuit circuit = first_point(read, all, "columns");
+    if (columns.empty()) columns = map_columns(circuit);
+    Options options = given;
+    const auto machine = machine_for(wanted, circuit.scene, options);
+    options.progress = [&](const Progress& p) { calls.progress(p); };
+    options.interrupted = [&] { return calls.interrupted(); };
+    const std::lock_guard lock(machine->busy);
+    answer->backend = machine->backend->name();
+    if (!machine->beside) machine->beside = app::backends_beside(*machine->backend, machine->device);
+    answer->map = operating_map(read, all, columns, options, *machine->backend, machine->beside, "columns");
+    return answer;
+  });
+  std::vector<std::string> status;
+  for (const Status s : found->map.status) status.emplace_back(to_string(s));
+  nb::dict d;
+  d["columns"] = found->map.columns;
+  d["units"] = found->map.units;
+  d["status"] = status;
+  d["reason"] = found->map.reason;
+  d["values"] = owned(std::move(found->map.values));
+  d["residual"] = owned(std::move(found->map.residual));
+  d["backend"] = found->backend;
+  d["interrupted"] = found->by_keyboard;
+  return d;
+}
+
 }  // namespace
 
 void bind_circuits(nb::module_& m) {
@@ -116,6 +175,12 @@ void bind_circuits(nb::module_& m) {
                      return all;
                    })
       .def_prop_ro("times", [](const Circuit& c) { return std::vector<double>(c.times.begin(), c.times.end()); })
+      .def_prop_ro("steps",
+                   [](const Circuit& c) {
+                     std::vector<std::pair<std::string, std::vector<double>>> all;
+                     for (const CircuitStep& s : c.steps) all.emplace_back(s.name, s.values);
+                     return all;
+                   })
       .def_ro("notes", &Circuit::notes)
       .def_ro("parameters", &Circuit::parameters)
       .def_prop_ro("reduction", &reduction)
@@ -147,8 +212,39 @@ void bind_circuits(nb::module_& m) {
           },
           nb::arg("answer"), nb::arg("text"), nb::arg("start"), nb::arg("end"))
       .def(
+          "responses",
+          [](const Circuit& c, const Answer& answer, const std::vector<std::string>& names, const std::string& source,
+             const std::vector<double>& frequencies) {
+            std::vector<Probe> probes;
+            for (const std::string& name : names) probes.emplace_back(c, name, "name");
+            return nb::cast(interruptible([&] {
+              const std::lock_guard lock(answer.machine->busy);
+              return small_signals(c, *answer.machine->backend, answer.result, source, frequencies, probes, "source");
+            }));
+          },
+          nb::arg("answer"), nb::arg("names"), nb::arg("source"), nb::arg("frequencies"), "frequencies x names")
+      .def(
+          "nodes",
+          [](const Circuit& c, const std::string& name) {
+            for (const CircuitElement& e : c.elements)
+              if (circuits::lower(e.name) == circuits::lower(name) && e.from >= 0 && e.to >= 0)
+                return std::pair(c.outputs[std::size_t(e.from)].name, c.outputs[std::size_t(e.to)].name);
+            throw Error("source", "there is no element '" + name + "' between two nodes", "name a source V of 0 V");
+          },
+          nb::arg("name"))
+      .def(
           "unit", [](const Circuit& c, const std::string& text) { return Probe(c, text, "name").unit(); },
           nb::arg("text"));
+  nb::class_<NetlistSource>(m, "CircuitSource")
+      .def(
+          "__init__",
+          [](NetlistSource* s, std::string text, std::string name, std::string folder, Settings settings,
+             std::optional<double> period) {
+            new (s) NetlistSource{std::move(text), std::move(name), std::move(folder), std::move(settings), period};
+          },
+          nb::arg("text"), nb::arg("name"), nb::arg("folder"), nb::arg("settings"), nb::arg("period").none());
+  m.def("circuit_map", &map_of, nb::arg("source"), nb::arg("steps"), nb::arg("columns"), nb::arg("options"),
+        nb::arg("machine"), nb::arg("progress").none(), nb::arg("stop").none());
   m.def("read_circuit", &read, nb::arg("file"), nb::arg("settings"), nb::arg("period").none());
   m.def("parse_circuit", &parse, nb::arg("text"), nb::arg("name"), nb::arg("folder"), nb::arg("settings"),
         nb::arg("period").none());

@@ -147,3 +147,65 @@ def test_scenes_of_arrays_have_no_outputs():
     r = bromwich.solve(A=[[-1.0]], B=[[1.0]], N=[[1.0]], M=[[1.0]], x0=1, T=1, steps=4)
     with pytest.raises(bromwich.Error, match="no circuit"):
         r["V(a)"]
+
+
+STEPPED = """t
+.param duty=0.3 R=1k
+.step param duty 0.2 0.8 0.2
+.step param R list 500 1k 3k
+V1 a 0 PULSE(0 1 0 0 0 {duty*1m} 1m)
+R1 a b {R}
+C1 b 0 1u
+.meas m AVG V(b)
+.tran 1u 1m
+"""
+
+
+def test_map_over_steps_and_over_given_values(tmp_path):
+    scene = bromwich.circuit(STEPPED).periodic()
+    assert list(scene.steps) == ["duty", "r"] and scene.steps["r"].tolist() == [500, 1000, 3000]
+    m = scene.map("mean(V(b))", "ripple(V(b))", "m")
+    assert m["m"].shape == (4, 3) and m.ok.all() and m.columns == {"mean(V(b))": "V", "ripple(V(b))": "V", "m": "V"}
+    duty, tau = np.meshgrid(m.axes["duty"], m.axes["r"] * 1e-6, indexing="ij")
+    np.testing.assert_allclose(m["mean(V(b))"], duty, atol=1e-9)
+    np.testing.assert_allclose(m["m"], duty, atol=1e-9)
+    q, p = np.exp(-duty * 1e-3 / tau), np.exp(-(1 - duty) * 1e-3 / tau)
+    np.testing.assert_allclose(m["ripple(V(b))"], (1 - q) * (1 - p) / (1 - p * q), atol=1e-7)
+    one = scene.map(r=[1000, 2000], threads=2)
+    assert list(one.columns) == ["m"] and one["m"].shape == (2,)
+    np.testing.assert_allclose(one["m"], 0.3, atol=1e-9)
+    m.save(tmp_path / "m.csv")
+    rows = (tmp_path / "m.csv").read_text().splitlines()
+    assert rows[0] == "scene,duty,r,status,residual,mean(V(b)),ripple(V(b)),m,reason,warning" and len(rows) == 13
+    assert m.plot("m").get_xlabel() == "r" and one.plot("m").get_ylabel() == "m / V"
+
+
+def test_maps_name_mistakes_and_points_that_fail():
+    scene = bromwich.circuit(STEPPED)
+    for call, words in [
+        (lambda: scene.map(q=[1]), "is no .param"),
+        (lambda: scene.map("mean(V(x))"), "no node 'x'"),
+        (lambda: scene.map(r=[]), "give a list"),
+        (lambda: bromwich.circuit(BUCK).map(), "no parameter to vary"),
+        (lambda: scene.map()["x"], "use one of"),
+    ]:
+        with pytest.raises(bromwich.Error, match=words):
+            call()
+    with pytest.warns(bromwich.NotSolvedWarning, match="1 of 2 operating points"):
+        m = scene.map(r=[0, 1])
+    assert m.status.tolist() == ["unsupported", "solved"] and "R1 = 0" in m.reason[0] and np.isnan(m["m"][0])
+
+
+def test_elements_with_memory_and_expressions():
+    c = bromwich.Circuit("oscillator").B("B1", "o", 0, V="5 - 5*schmitt(V(c), 2, 3)")
+    c.R("R1", "o", "c", 1e3).C("C1", "c", 0, 1e-6, ic=2).X("X1", "c", "r", "q", subcircuit="comparator", Vhigh=1)
+    c.V("V1", "r", 0, 2.5).R("R2", "q", 0, 1)
+    scene = c.scene(stop=5e-3, uic=True)
+    assert scene.reduction["states"] == ["V(C1)", "B1.u1.on", "X1.B1.u1.on"]
+    r = bromwich.solve(scene, tol_x=1e-7)
+    way = 1e-3 * np.log(1.5)
+    last = r.at([4.5 * way, 5.5 * way])
+    np.testing.assert_allclose(last["V(c)"], [5 - 3 * 1.5**-0.5, 3 * 1.5**-0.5], rtol=1e-7)
+    assert last["V(q)"][1] == 0 or last["V(q)"][1] == 1
+    with pytest.raises(bromwich.Error, match="both or none"):
+        c.B("B2", "o", 0)

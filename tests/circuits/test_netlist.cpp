@@ -103,8 +103,6 @@ TEST(NetlistMistakes, AreNamed) {
       {"R1 a 0 1\nE1 b 0 g 0 2\nR2 b 0 1" + end, "E1: node g is only sensed, nothing drives it"},
       {"L1 a 0 1m\nL2 b 0 1m\nL3 c 0 1m\nR1 a b 1\nR2 b c 1\nK1 L1 L2 0.9\nK2 L2 L3 0.9\nK3 L1 L3 -0.9" + end,
        "the inductance matrix is not positive"},
-      {"R1 a 0 1\nC1 a 0 1u\nS1 a 0 a 0 SI\n.model SI SW(Ron=1 Roff=1k)" + end,
-       "test.cir: line 4: switch S1 is controlled by the state of the circuit"},
       {"R1 a 0 0" + end, "R1 = 0"},
       {"R1 a 0 1\nR1 a 0 2" + end, "R1 is there twice"},
       {"D1 a 0 DX\nR1 a 0 1" + end, "D1: there is no model 'dx'"},

@@ -57,6 +57,16 @@ TEST(Scale, LogarithmicTicksArePowersOfTen) {
   EXPECT_EQ(Scale(1, 100, 0, 1, true).ticks(5).size(), 7u);  // 1 2 5 10 20 50 100
 }
 
+// Of a value that is constant but for rounding.
+TEST(Scale, RangesOfRoundingAreThoseOfAValue) {
+  EXPECT_FALSE(apart(12, 12 + 2e-15));
+  EXPECT_TRUE(apart(0, 1e-300));
+  const Range range = range_of({12, 12 + 2e-15, 12 - 2e-15});
+  EXPECT_LT(range.lo, 11);
+  EXPECT_GT(range.hi, 13);
+  EXPECT_LT(Scale(range.lo, range.hi, 0, 1).ticks(5).size(), 9u);
+}
+
 TEST(Scale, RangesHaveRoomAndZero) {
   EXPECT_EQ(range_of({1, 10}).lo, 0);
   EXPECT_GT(range_of({1, 10}).hi, 10);

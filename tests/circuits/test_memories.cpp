@@ -1,0 +1,115 @@
+// Switches that the state of the circuit controls, and thyristors, against closed forms.
+
+#include "core/solve/dense_output.hpp"
+#include "tests/circuits/circuits.hpp"
+#include "tests/support/run.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <map>
+#include <numbers>
+
+namespace bromwich {
+namespace memories_test {
+
+using test::circuit_of;
+constexpr double pi = std::numbers::pi;
+
+std::map<std::string, double> values(const Circuit& c, double t) {
+  Options options;
+  options.tolerance_x = 1e-7;
+  options.states = StateSelection::all;
+  const auto backend = make_cpu_backend(1);
+  const Result r = solve(c.scene, *backend, options);
+  EXPECT_EQ(r.status, Status::solved) << r.reason;
+  std::map<std::string, double> all;
+  if (r.status != Status::solved) return all;
+  const RowMatrix row = output_values(c, at_times(c.scene, *backend, r, {t}));
+  for (std::size_t i = 0; i < c.outputs.size(); ++i) all[c.outputs[i].name] = row(0, Index(i));
+  return all;
+}
+
+// 5 V charge 1 uF over 10 kohm; from 3.5 V on the switch discharges it over 1 kohm, down to 1.5 V.
+TEST(Memories, AnOscillatorWithAHysteresisSwitch) {
+  const Circuit c = circuit_of(
+      "V1 in 0 5\nR1 in a 10k\nC1 a 0 1u\nR2 a b 999\nS1 b 0 a 0 SH\n.model SH SW(Ron=1 Roff=10g Vt=2.5 Vh=1)\n"
+      ".tran 1m 40m uic\n");
+  ASSERT_EQ(c.scene.states(), 2);
+  EXPECT_EQ(c.reduction.states[1], "S1.on");
+  const double up = 10e-3, down = 1e-6 / (1 / 10e3 + 1 / 1e3), low = 5 * 1e3 / 11e3;
+  const double first = up * std::log(5 / 1.5), rise = up * std::log(3.5 / 1.5),
+               fall = down * std::log((3.5 - low) / (1.5 - low));
+  double t = first;
+  while (t + fall + rise < 40e-3) t += fall + rise;
+  // at the last start of a discharge, half of it later
+  const double v = low + (3.5 - low) * std::exp(-fall / 2 / down);
+  EXPECT_NEAR(values(c, t + fall / 2).at("V(a)"), v, 1e-6);
+  const double later = t + fall + rise / 3 < 40e-3 ? t + fall + rise / 3 : t - rise / 2;
+  EXPECT_NEAR(values(c, later).at("V(a)"), 5 - 3.5 * std::exp(-(later > t ? rise / 3 : rise / 2) / up), 1e-6);
+}
+
+// A switch that the current of a source controls, as a latch: below 0.5 A it opens, and nothing closes it again.
+TEST(Memories, ACurrentControlledSwitchOpensAFuse) {
+  const Circuit c = circuit_of(
+      "V1 in 0 10\nVs in b 0\nW1 b c Vs WF ON\nL1 c 0 10m IC=2\nR1 b 0 1k\n.model WF CSW(Ron=2 Roff=10Meg It=-5 "
+      "Ih=20)\n"
+      ".tran 1m 5m uic\n");
+  // never above 15 A nor below -25 A: closed from the begin
+  const double i = 5 - 3 * std::exp(-5e-3 * 2 / 10e-3);
+  EXPECT_NEAR(values(c, 5e-3).at("I(L1)"), i, 1e-5);  // 10 V over Roff
+}
+
+// Half a wave over R, fired at the angle a: I(R1) follows from there to the next zero.
+TEST(Memories, AThyristorFiresAndStops) {
+  const std::string cards =
+      "V1 a 0 SIN(0 100 50)\nS1 a b g 0 T1\nR1 b 0 9.999\nVg g 0 PULSE(0 5 {delay} 0 0 0.1m 20m)\n"
+      ".model T1 SCR(Ron=1m Roff=1Meg Vfwd=0 Ih=1m)\n.param delay=4m\nC9 x 0 1u\nR9 x 0 1\n.tran 1m 40m uic\n";
+  const Circuit c = circuit_of(cards);
+  const double leak = 100.0 / 1e6;
+  EXPECT_NEAR(values(c, 3.9e-3).at("I(R1)"), 0, leak);
+  EXPECT_NEAR(values(c, 6e-3).at("I(R1)"), 10 * std::sin(0.6 * pi), leak);
+  EXPECT_NEAR(values(c, 9.9e-3).at("I(R1)"), 10 * std::sin(0.99 * pi), leak);
+  EXPECT_NEAR(values(c, 15e-3).at("I(R1)"), 0, leak);
+  EXPECT_NEAR(values(c, 23e-3).at("I(R1)"), 0, leak);
+  EXPECT_NEAR(values(c, 27e-3).at("I(R1)"), 10 * std::sin(0.7 * pi), leak);
+}
+
+// With a coil the current goes on behind the zero of the source:
+// i = V/Z (sin(wt - phi) - sin(a - phi) e^{-(wt - a) R / (w L)}).
+TEST(Memories, AThyristorBeforeACoil) {
+  const double w = 100 * pi, R = 5, L = 20e-3, Z = std::hypot(R, w * L), phi = std::atan2(w * L, R), a = 0.3 * pi;
+  const Circuit c = circuit_of(
+      "V1 a 0 SIN(0 100 50)\nS1 a b g 0 T1\nL1 b c 20m\nR1 c 0 4.999\nVg g 0 PULSE(0 5 3m 0 0 0.2m 20m)\n"
+      ".model T1 SCR(Ron=1m Roff=10k Vfwd=0 Ih=0.1m)\n.tran 1m 20m uic\n");
+  const auto i = [&](double t) {
+    return 100 / Z * (std::sin(w * t - phi) - std::sin(a - phi) * std::exp(-(w * t - a) * R / (w * L)));
+  };
+  double low = 10e-3, high = 19e-3;
+  for (int k = 0; k < 60; ++k) (i((low + high) / 2) > 0 ? low : high) = (low + high) / 2;
+  const double leak = 100.0 / 1e4;
+  for (const double t : {4e-3, 8e-3, low - 0.2e-3}) EXPECT_NEAR(values(c, t).at("I(L1)"), i(t), 2 * leak) << t;
+  EXPECT_NEAR(values(c, low + 0.2e-3).at("I(L1)"), 0, 2 * leak);
+}
+
+// Peak current control of a buck converter: a clock closes the switch, the current of the coil opens it. Between ideal
+// voltages i(0) = Ip - m1 m2 T / (m1 + m2).
+TEST(Memories, PeakCurrentControlInPeriodicState) {
+  const Circuit c = parse_circuit(
+      "t\nVin in 0 12\nS1 in sw ctl 0 SP\nD1 0 sw DI\nL1 sw s 10u\nVs s out 0\nVout out 0 5\n"
+      "Hs sense 0 Vs 1\nVc clock 0 PULSE(0 10 0 0 0 0.1u 10u)\nE1 ctl 0 clock sense 1\n"
+      ".model SP SW(Ron=1u Roff=10Meg Vt=0 Vh=4)\n.model DI D(Ron=1u Roff=10Meg)\n.tran 0.1u 10u uic\n",
+      "test.cir", {}, {}, 0);
+  Options options;
+  options.steps = 16;
+  options.states = StateSelection::all;
+  const auto backend = make_cpu_backend(1);
+  const Result r = solve(c.scene, *backend, options);
+  ASSERT_EQ(r.status, Status::solved) << r.reason;
+  const double m1 = 7.0 / 10e-6, m2 = 5.0 / 10e-6, i = 4 - m1 * m2 * 10e-6 / (m1 + m2);
+  EXPECT_NEAR(r.start[0], i, 1e-5);  // of 4 A over 1 uohm, and 12 V over 10 megohm
+  EXPECT_NEAR(r.multipliers[0].real(), -m2 / m1, 1e-5);
+}
+
+}  // namespace memories_test
+}  // namespace bromwich
