@@ -78,13 +78,12 @@ Collocation make() {
   c.integrals = rows_of(c.nodes, legendre_integrals);
   c.coefficients = rows_of(with_zero(c.nodes), legendre).inverse();
   c.derivative = derivative_matrix();
-  c.samples.resize(s + 1);
   for (Index k = 0; k <= s; ++k)
     c.samples[k] = (1 - std::cos(std::numbers::pi * (double(k) + 0.5) / double(s + 1))) / 2;
   const Matrix at_samples = rows_of(c.samples, legendre);
   c.from_samples = at_samples.inverse();
   c.bernstein = rows_of(c.samples, bernstein_polynomials).inverse() * at_samples;
-  c.checks = Vector{{0.137609, 0.381966, 0.739551}};  // irregular, and away from the samples
+  c.checks = {0.137609, 0.381966, 0.739551};  // irregular, and away from the samples
   c.at_checks = rows_of(c.checks, legendre);
   // Polynomials of degree s - 1 on the stages: the columns of `stages` up to that degree.
   c.eigenvalues = eigenvalues_of(c.integrals.leftCols(s) * c.stages.leftCols(s).inverse());
@@ -98,9 +97,9 @@ const Collocation& Collocation::get() {
   return c;
 }
 
-double first_below(const Vector& bernstein, double noise) {
+double first_below(const LegendreValues& bernstein, double noise) {
   struct Part {
-    Eigen::Matrix<double, s + 1, 1> b;
+    LegendreValues b;
     double begin, length;
   };
   constexpr double shortest = 0x1p-50;
@@ -125,7 +124,7 @@ double first_below(const Vector& bernstein, double noise) {
   return 1;
 }
 
-double zero_before(const Vector& coefficients, double at) {
+double zero_before(const LegendreValues& coefficients, double at) {
   const auto value = [&](double t) { return coefficients.dot(legendre(t)); };
   double positive = at;
   for (double back = 0x1p-40; value(positive) < 0; back *= 2) {

@@ -20,17 +20,19 @@ namespace bromwich {
 
 struct Collocation {
   static constexpr Index degree = legendre_degree;
+  using Square = Eigen::Matrix<double, degree + 1, degree + 1>;
+  using Stages = Eigen::Matrix<double, degree, degree + 1>;
 
   Vector nodes;
-  Matrix stages;        ///< s x (s+1): from coefficients to values at c
-  Matrix integrals;     ///< s x (s+1): from coefficients to integrals over [0, c_i]
-  Matrix coefficients;  ///< (s+1) x (s+1): from values at 0 and at c to coefficients
-  Matrix derivative;    ///< (s+1) x (s+1): from coefficients to those of the derivative
-  Matrix bernstein;     ///< (s+1) x (s+1): from coefficients to those in the Bernstein basis
-  Vector samples;       ///< s+1 points inside (0, 1) at which sources are sampled
-  Matrix from_samples;  ///< (s+1) x (s+1): from values there to coefficients
-  Vector checks;        ///< further points, where the polynomial of a source is compared with the source
-  Matrix at_checks;     ///< from coefficients to values there
+  Stages stages;           ///< s x (s+1): from coefficients to values at c
+  Stages integrals;        ///< s x (s+1): from coefficients to integrals over [0, c_i]
+  Square coefficients;     ///< (s+1) x (s+1): from values at 0 and at c to coefficients
+  Square derivative;       ///< (s+1) x (s+1): from coefficients to those of the derivative
+  Square bernstein;        ///< (s+1) x (s+1): from coefficients to those in the Bernstein basis
+  LegendreValues samples;  ///< s+1 points inside (0, 1) at which sources are sampled
+  Square from_samples;     ///< (s+1) x (s+1): from values there to coefficients
+  Eigen::Vector3d checks;  ///< further points, where the polynomial of a source is compared with the source
+  Eigen::Matrix<double, 3, degree + 1> at_checks;  ///< from coefficients to values there
 
   /// An eigenvalue of A with nonnegative imaginary part. X = sum over these of Re(weight * right * (left X)), with
   /// weight 1 for a real one and 2 for one of a pair.
@@ -47,9 +49,9 @@ struct Collocation {
 /// The first point of [0, 1] at which a polynomial, given by its Bernstein coefficients, is below -noise; 1 if it is
 /// nowhere. Exact to 2^-50: the polynomial lies in the convex hull of its coefficients, and intervals are halved until
 /// that decides.
-double first_below(const Vector& bernstein, double noise);
+double first_below(const LegendreValues& bernstein, double noise);
 
 /// The last zero of a polynomial (Legendre coefficients) before `at`, where it is negative; 0 if there is none.
-double zero_before(const Vector& coefficients, double at);
+double zero_before(const LegendreValues& coefficients, double at);
 
 }  // namespace bromwich

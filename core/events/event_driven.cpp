@@ -13,6 +13,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 
 namespace bromwich {
 
@@ -117,12 +118,19 @@ class EventIntegration {
   bool advance_to(double end) {
     at_.end = end;
     if (!is_wanted()) return false;
-    if (end - at_.t > 4 * epsilon * T_) {
-      std::optional<std::vector<Index>> likely;
-      if (mode_) likely = mode_->active;
-      return continue_with(likely, false) && run_segment();
-    }
+    if (end - at_.t > 4 * epsilon * T_) return continue_behind_breakpoint() && run_segment();
     at_.t = end;  // edges that differ by rounding alone
+    return true;
+  }
+
+  // Periodic sources: the set that has followed this one at its last breakpoint is likely to follow again.
+  bool continue_behind_breakpoint() {
+    const SwitchedMode* before = mode_;
+    std::optional<std::vector<Index>> likely;
+    if (before) likely = before->active;
+    if (const auto known = followers_.find(before); known != followers_.end()) likely = known->second->active;
+    if (!continue_with(likely, false)) return false;
+    followers_[before] = mode_;
     return true;
   }
 
@@ -338,9 +346,10 @@ class EventIntegration {
   Successor successor_;
   EventPoint at_;
   const SwitchedMode* mode_ = nullptr;
-  bool enumerates_ = false;   ///< tries all active sets
-  Index pending_event_ = -1;  ///< the component that ended the last step
-  int unknown_ = 0;           ///< short steps since an active set was known
+  std::map<const SwitchedMode*, const SwitchedMode*> followers_;  ///< at the last breakpoint behind each mode
+  bool enumerates_ = false;                                       ///< tries all active sets
+  Index pending_event_ = -1;                                      ///< the component that ended the last step
+  int unknown_ = 0;                                               ///< short steps since an active set was known
   std::size_t stored_ = 0;
   std::size_t asked_ = 0;  ///< whether the solution is still wanted
   EventSolution solution_;

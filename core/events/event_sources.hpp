@@ -16,7 +16,7 @@ class EventSources {
   Vector g(double t) const;  ///< n values
 
   struct Polynomials {
-    Matrix f, g;                  ///< (s+1) x m and (s+1) x n Legendre coefficients
+    LegendreCoefficients f, g;    ///< of m and n components
     Vector off_f, off_g;          ///< largest differences from the sources that were seen, m and n values
     Vector unknown_f, unknown_g;  ///< differences up to these are rounding of t
   };
@@ -28,6 +28,8 @@ class EventSources {
   void look_between(double t, double h, Index count, Polynomials&) const;
 
  private:
+  void value_of_f(double t, Vector& value) const;
+  void value_of_g(double t, Vector& value) const;
   void look(double t, double h, double at, Polynomials&) const;
 
   const Scene& scene_;

@@ -19,8 +19,8 @@ constexpr double of_source = 100;            ///< of one value of one component 
 constexpr double overhead = 4000;            ///< of a step, in the time of floating-point operations
 
 // Coefficients of the part of rows of a jet that does not depend on x.
-Matrix without_x(const Jet& rows, const EventStep& p) {
-  Matrix sum = p.sources.f * rows.f.transpose() + p.sources.g * rows.g.transpose();
+LegendreCoefficients without_x(const Jet& rows, const EventStep& p) {
+  LegendreCoefficients sum = p.sources.f * rows.f.transpose() + p.sources.g * rows.g.transpose();
   if (p.df.size() > 0) sum += p.df * rows.df.transpose();
   if (p.dg.size() > 0) sum += p.dg * rows.dg.transpose();
   if (p.ddg.size() > 0) sum += p.ddg * rows.ddg.transpose();
@@ -29,7 +29,7 @@ Matrix without_x(const Jet& rows, const EventStep& p) {
 
 // The last two coefficients, or a difference that was seen, relative to the sizes. Coefficients up to `rounding` count
 // as zero.
-double tail(const Matrix& c, const Vector& size, const Vector& off, const Vector& rounding) {
+double tail(const LegendreCoefficients& c, const Vector& size, const Vector& off, const Vector& rounding) {
   if (size.size() == 0) return 0;
   const double floor = 1e-4 * size.maxCoeff() + 1e-280;
   double largest = 0;
@@ -45,17 +45,17 @@ double tail(const Matrix& c, const Vector& size, const Vector& off, const Vector
 }
 
 // Coefficients of Legendre polynomials bound the values.
-Vector larger(const Vector& before, const Matrix& c) {
+Vector larger(const Vector& before, const LegendreCoefficients& c) {
   if (c.size() == 0) return before;
   return before.cwiseMax(c.cwiseAbs().colwise().sum().transpose());
 }
 
 // d^k/dt^k of polynomials on a step of length h. Within a short step it may be rounding of the values, and is zero
 // then.
-Matrix derivative(const Matrix& values, int k, double h) {
-  static const Matrix& D = Collocation::get().derivative;
+LegendreCoefficients derivative(const LegendreCoefficients& values, int k, double h) {
+  static const Collocation::Square& D = Collocation::get().derivative;
   static const double steepest = D.cwiseAbs().colwise().sum().maxCoeff();
-  Matrix c = values;
+  LegendreCoefficients c = values;
   double grown = 64 * epsilon;
   for (int i = 0; i < k; ++i) {
     c = (D * c / h).eval();
@@ -67,7 +67,7 @@ Matrix derivative(const Matrix& values, int k, double h) {
 }
 
 // Bounds the derivatives on [0, 1].
-Vector largest_slope(const Matrix& c) {
+Vector largest_slope(const LegendreCoefficients& c) {
   return (Collocation::get().derivative * c).cwiseAbs().colwise().sum().transpose();
 }
 
@@ -82,7 +82,7 @@ Matrix moved_within(double h, const Matrix& A) {
 }
 
 // Whether a polynomial is nowhere above `zero` before `at`, where it is below -zero.
-bool is_never_above(const Vector& coefficients, double at, double zero) {
+bool is_never_above(const LegendreValues& coefficients, double at, double zero) {
   constexpr int looks = 16;
   for (int k = 0; k < looks; ++k)
     if (coefficients.dot(legendre(at * k / looks)) > zero) return false;
@@ -96,6 +96,8 @@ EventSizes EventSizes::with(const EventStep& step) const {
            larger(u.dg, step.dg), larger(u.ddg, step.ddg)},
           larger(y, step.y)};
 }
+
+void EventSizes::include(const EventStep& step) { *this = with(step); }
 
 EventSteps::EventSteps(const SystemMatrices& system, const EventSources& sources, double T, double span,
                        double tolerance, double longest)
@@ -155,14 +157,15 @@ EventStep EventSteps::attempt(const SwitchedMode& mode, EventPoint& p, double h)
   EventStep step;
   step.length = h;
   sample(mode, p.t, h, step);
-  const Matrix y_of_sources = without_x(mode.y, step);
+  const LegendreCoefficients y_of_sources = without_x(mode.y, step);
   // Z = X - x0, so that rounding is relative to the change of x: errors of many short steps would add up otherwise.
-  Matrix input = step.sources.f + y_of_sources * system_.B.transpose();
+  LegendreCoefficients input = step.sources.f + y_of_sources * system_.B.transpose();
   input.row(0) += (mode.A * p.x).transpose();
-  const Matrix right = h * (c.integrals * input);  // degree x m
+  using AtStages = Eigen::Matrix<double, degree, Eigen::Dynamic>;
+  const AtStages right = h * (c.integrals * input);  // degree x m
   const auto& lu = factors(mode, h, p.work);
-  Matrix change = Matrix::Zero(degree, m), left = right;
-  step.x = Matrix::Zero(degree + 1, m);
+  AtStages change = AtStages::Zero(degree, m), left = right;
+  step.x.setZero(degree + 1, m);
   // Twice: the eigenvectors of the Radau matrix are ill-conditioned.
   for (int refined = 0; refined < 2; ++refined) {
     for (std::size_t k = 0; k < lu.size(); ++k) {
@@ -176,7 +179,7 @@ EventStep EventSteps::attempt(const SwitchedMode& mode, EventPoint& p, double h)
   step.x.row(0) += p.x.transpose();
   step.y = step.x * mode.y.x.transpose() + y_of_sources;
   step.w = step.x * system_.N.transpose() + step.y * system_.M.transpose() + step.sources.g;
-  const EventSizes size = p.sizes.with(step);
+  const EventSizes& size = step.sizes = p.sizes.with(step);
   step.defect = std::max(tail(step.x, size.u.x, {}, rounding_of_x(size)), source_defect(size.u, step.sources));
   p.work +=
       double((degree + 1) * (degree + 1) * (6 * m + 3 * n) + 80 * m * m + (degree + 1) * (4 * m * n + 2 * n * n)) +
@@ -195,8 +198,8 @@ bool EventSteps::sources_agree(const SwitchedMode& mode, const JetValues& size, 
 // Whether values of y that count as zero move the state between two breakpoints, where their sign is chosen anew, by
 // less than `unseen` of it, or of what y moves: otherwise terms of y cancel so far, by a small entry of M say, that its
 // sign is not known.
-bool EventSteps::y_is_known(const SwitchedMode& mode, const EventPoint& p, const EventStep& step) const {
-  const JetValues size = p.sizes.with(step).u;
+bool EventSteps::y_is_known(const SwitchedMode& mode, const EventStep& step) const {
+  const JetValues& size = step.sizes.u;
   const Vector moved = by_y_within_span_ * (noise() * terms(mode.y, size)), by_f = by_f_within_span_ * size.f,
                by_y = by_y_within_span_ * larger(Vector::Zero(system_.constraints()), step.y);
   return moved.maxCoeff() <= unseen * size.x.cwiseMax(by_f).cwiseMax(by_y).maxCoeff();
@@ -225,10 +228,9 @@ Vector EventSteps::doubt(const SwitchedMode& mode, const Vector& of_y, const Vec
 }
 
 // The part of the step on which y and w are nonnegative.
-void EventSteps::find_event(const SwitchedMode& mode, const EventPoint& p, const std::vector<char>* free,
-                            EventStep& step) const {
+void EventSteps::find_event(const SwitchedMode& mode, const std::vector<char>* free, EventStep& step) const {
   const Collocation& c = Collocation::get();
-  const EventSizes sizes = p.sizes.with(step);
+  const EventSizes& sizes = step.sizes;
   const JetValues& size = sizes.u;
   const Vector of_y = terms(mode.y, size);
   const Vector of_w = system_.N.cwiseAbs() * size.x + system_.M.cwiseAbs() * of_y + size.g;
@@ -250,7 +252,7 @@ void EventSteps::find_event(const SwitchedMode& mode, const EventPoint& p, const
   step.valid = 1;
   step.event = -1;
   step.at_once = false;
-  Vector of_event;
+  LegendreValues of_event;
   double zero_of_event = 0;
   std::size_t k = 0;
   for (Index i = 0; i < system_.constraints(); ++i) {
@@ -258,7 +260,7 @@ void EventSteps::find_event(const SwitchedMode& mode, const EventPoint& p, const
     if (active) ++k;
     if (free && (*free)[std::size_t(i)]) continue;
     const double zero = (active ? zero_y[i] : step.zero_w[i]) + 1e-290;
-    const Vector coefficients = (active ? step.y : step.w).col(i);
+    const LegendreValues coefficients = (active ? step.y : step.w).col(i);
     const double at = first_below(c.bernstein * coefficients, zero);
     if (at >= step.valid) continue;
     step.valid = at;
@@ -286,7 +288,7 @@ void EventSteps::look_closer(EventPoint& p, EventStep& step) const {
     p.work += double(count) * work_of_sources();
   }
   p.work += 2 * work_of_sources();
-  step.defect = std::max(step.defect, source_defect(p.sizes.with(step).u, step.sources));
+  step.defect = std::max(step.defect, source_defect(step.sizes.u, step.sources));
 }
 
 bool EventSteps::resolve(const SwitchedMode& mode, EventPoint& p, EventStep& step, const std::vector<char>* free) {
@@ -301,8 +303,8 @@ bool EventSteps::resolve(const SwitchedMode& mode, EventPoint& p, EventStep& ste
     const bool rounding = step.defect <= rounding_tail && step.defect > 0.5 * before;
     if (step.defect <= tolerance_) look_closer(p, step);
     if (step.defect <= tolerance_ || rounding) {
-      find_event(mode, p, free, step);
-      const bool known = y_is_known(mode, p, step);
+      find_event(mode, free, step);
+      const bool known = y_is_known(mode, step);
       if (!known) sign_is_lost_ = true;
       return known;
     }

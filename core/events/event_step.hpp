@@ -10,27 +10,30 @@
 
 namespace bromwich {
 
-/// A step in one mode: polynomials on [0, length], valid on the first `valid` of it.
-struct EventStep {
-  double length = 0, defect = INFINITY, valid = 0;
-  Index event = -1;        ///< the component of y or w that becomes negative after `valid`
-  bool at_once = false;    ///< it is not positive before
-  bool shortened = false;  ///< it is shorter than proposed
-  Matrix x, y, w;
-  EventSources::Polynomials sources;
-  Matrix df, dg, ddg;
-  Vector doubt;   ///< n: error of y, since values of y and w below zero were counted as zero
-  Vector zero_w;  ///< n: values of w up to these count as zero
-};
+struct EventStep;
 
 /// Largest absolute values of each component so far.
 struct EventSizes {
   JetValues u;
   Vector y;
 
-  void include(const EventStep& step) { *this = with(step); }
+  void include(const EventStep&);
   void include_x(const Vector& x) { u.x = u.x.cwiseMax(x.cwiseAbs()); }
   EventSizes with(const EventStep&) const;
+};
+
+/// A step in one mode: polynomials on [0, length], valid on the first `valid` of it.
+struct EventStep {
+  double length = 0, defect = INFINITY, valid = 0;
+  Index event = -1;        ///< the component of y or w that becomes negative after `valid`
+  bool at_once = false;    ///< it is not positive before
+  bool shortened = false;  ///< it is shorter than proposed
+  LegendreCoefficients x, y, w;
+  EventSources::Polynomials sources;
+  LegendreCoefficients df, dg, ddg;
+  EventSizes sizes;  ///< those of the step included
+  Vector doubt;      ///< n: error of y, since values of y and w below zero were counted as zero
+  Vector zero_w;     ///< n: values of w up to these count as zero
 };
 
 /// Where the integration is.
@@ -72,8 +75,8 @@ class EventSteps {
   void sample(const SwitchedMode&, double t, double h, EventStep&) const;
   EventStep attempt(const SwitchedMode&, EventPoint&, double h);
   bool sources_agree(const SwitchedMode&, const JetValues& size, const EventStep&) const;
-  bool y_is_known(const SwitchedMode&, const EventPoint&, const EventStep&) const;
-  void find_event(const SwitchedMode&, const EventPoint&, const std::vector<char>* free, EventStep&) const;
+  bool y_is_known(const SwitchedMode&, const EventStep&) const;
+  void find_event(const SwitchedMode&, const std::vector<char>* free, EventStep&) const;
   Vector doubt(const SwitchedMode&, const Vector& of_y, const Vector& of_w, const EventStep&) const;
   void look_closer(EventPoint&, EventStep&) const;
   double work_of_sources() const;

@@ -1,6 +1,5 @@
 #include "core/events/short_steps.hpp"
 
-#include "core/lcp/active_set.hpp"
 #include "core/lcp/lemke.hpp"
 #include "core/lcp/solution.hpp"
 
@@ -12,9 +11,10 @@ namespace bromwich {
 
 namespace {
 
-constexpr double raised = 1e-9;      ///< of the diagonal, beside entries of 1
-constexpr double zero_share = 1e-9;  ///< of the terms of w: less is zero
-constexpr Index most_exact = 16;     ///< constraints whose principal minors are all computed
+constexpr double raised = 1e-9;         ///< of the diagonal, beside entries of 1
+constexpr double zero_share = 1e-9;     ///< of the terms of w: less is zero
+constexpr Index most_exact = 16;        ///< constraints whose principal minors are all computed
+constexpr std::size_t most_known = 32;  ///< lengths whose matrices are kept
 
 double largest_rate(const Matrix& A) {
   return A.rows() > 0 ? Eigen::EigenSolver<Matrix>(A, false).eigenvalues().cwiseAbs().maxCoeff() : 0;
@@ -82,22 +82,34 @@ ShortSteps::Monotone ShortSteps::monotone(const Matrix& S) const {
   return Monotone::yes;
 }
 
-// By increments of x and g: w of a constraint that the state touches is lost in rounding of x otherwise.
-ShortSteps::Step ShortSteps::take(double t, double h, const Vector& x, const Vector& offset) const {
+ShortSteps::OfLength& ShortSteps::of_length(double h) {
+  if (const auto known = known_.find(h); known != known_.end()) return known->second;
+  if (known_.size() == most_known) known_.clear();
   const Index m = system_.states();
-  const Eigen::PartialPivLU<Matrix> lu(Matrix::Identity(m, m) - h * system_.A);
-  const Matrix moved = h * lu.solve(system_.B), problem = system_.M + system_.N * moved;
+  Eigen::PartialPivLU<Matrix> lu(Matrix::Identity(m, m) - h * system_.A);
+  Matrix moved = h * lu.solve(system_.B), problem = system_.M + system_.N * moved;
+  std::optional<ActiveSetLcp> lcp;
+  if (const Index n = system_.pairs(); n > 0) {
+    const Matrix pairs = problem.topLeftCorner(n, n);
+    lcp.emplace(limit_of_P_ ? regularized(pairs) : pairs, class_);
+  }
+  return known_.try_emplace(h, OfLength{std::move(lu), std::move(moved), std::move(problem), std::move(lcp)})
+      .first->second;
+}
+
+// By increments of x and g: w of a constraint that the state touches is lost in rounding of x otherwise.
+ShortSteps::Step ShortSteps::take(double t, double h, const Vector& x, const Vector& offset) {
+  auto& [lu, moved, problem, lcp] = of_length(h);
   const Vector free = h * lu.solve(Vector(system_.A * x + sources_.f(t + h)));
   const Vector q = (system_.N * x + sources_.g(t + h) - offset) + system_.N * free;
   const Index n = system_.pairs();
-  const Matrix pairs = problem.topLeftCorner(n, n);
   Step step;
   Vector slack;
   step.solved = n == 0;
-  if (n > 0) {
-    ActiveSetLcp lcp(limit_of_P_ ? regularized(pairs) : pairs, class_);
-    step.solved = lcp.solve(q.head(n), step.y).solved;
-    if (step.solved) slack = lcp.slack();
+  if (lcp) {
+    lcp->reset();  // the same from whatever was solved before
+    step.solved = lcp->solve(q.head(n), step.y).solved;
+    if (step.solved) slack = lcp->slack();
   }
   step.pairs = n;
   step.problem = problem;

@@ -1,10 +1,12 @@
 #pragma once
 // Implicit Euler steps of very short length: they propose active sets, select impulses and pass accumulated events.
 
-#include "../lcp/lcp_class.hpp"
+#include "../lcp/active_set.hpp"
 #include "event_sources.hpp"
 #include "mode.hpp"
 
+#include <map>
+#include <optional>
 #include <vector>
 
 namespace bromwich {
@@ -32,13 +34,19 @@ class ShortSteps {
     /// Of Lemke's method, where y_i = w_i = 0 too; empty if it ends on a ray.
     std::vector<Index> basis() const;
   };
-  /// From x at t to t + h. `offset` is subtracted from g.
-  Step take(double t, double h, const Vector& x, const Vector& offset) const;
+  /// From x at t to t + h. `offset` is subtracted from g. The matrices of a length are kept for the next step.
+  Step take(double t, double h, const Vector& x, const Vector& offset);
 
   /// Of the dynamics: max(1 / T, |eigenvalues of A|), whatever the units of the states.
   double rate() const { return rate_; }
 
  private:
+  struct OfLength {
+    Eigen::PartialPivLU<Matrix> lu;  ///< of I - hA
+    Matrix moved, problem;           ///< h (I - hA)^{-1} B, M + N times that
+    std::optional<ActiveSetLcp> lcp;  ///< none without pairs
+  };
+  OfLength& of_length(double h);
   Matrix response(double h) const;
   enum class Monotone { no, moves_the_state, yes };
   Monotone monotone(const Matrix& S) const;
@@ -49,6 +57,7 @@ class ShortSteps {
   double rate_;
   LcpClass class_ = LcpClass::P;  ///< of the matrix of a short step
   bool limit_of_P_ = false;       ///< it is of class P with any larger diagonal
+  std::map<double, OfLength> known_;
 };
 
 }  // namespace bromwich

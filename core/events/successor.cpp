@@ -16,6 +16,9 @@ constexpr double brief = 1e-3;       ///< of the longest: what lasts shorter tou
 constexpr double nothing = 1e-6;     ///< parts of an impulse below this share of it are zero
 constexpr double less_y = 1 - 1e-6;  ///< norms of y nearer to each other are equal
 
+// Lengths of short steps are powers of two: few, whose matrices are known.
+double short_length(double longest) { return std::exp2(std::floor(std::log2(longest))); }
+
 std::vector<Index> support(const Vector& y) {
   std::vector<Index> set;
   for (Index i = 0; i < y.size(); ++i)
@@ -25,7 +28,7 @@ std::vector<Index> support(const Vector& y) {
 
 }  // namespace
 
-Successor::Successor(const SystemMatrices& system, const EventSources& sources, const ShortSteps& short_steps,
+Successor::Successor(const SystemMatrices& system, const EventSources& sources, ShortSteps& short_steps,
                      EventSteps& steps, double T)
     : system_(system), sources_(sources), short_steps_(short_steps), steps_(steps), T_(T) {}
 
@@ -71,12 +74,12 @@ Vector Successor::rebound(const EventPoint& p, const Vector& offset) {
 JetValues Successor::sources_at(const SwitchedMode& mode, const EventPoint& p, JetValues& size) const {
   EventStep here;
   const double h = steps_.sample_resolved(mode, p, here);
-  const Vector at = legendre(0);
-  const auto start = [&](const Matrix& c, Index width) {
+  const LegendreValues at = legendre(0);
+  const auto start = [&](const LegendreCoefficients& c, Index width) {
     return c.size() > 0 ? Vector(c.transpose() * at) : Vector(Vector::Zero(width));
   };
   const Index m = system_.states(), n = system_.constraints();
-  const Matrix dg = Collocation::get().derivative * here.sources.g / h;
+  const LegendreCoefficients dg = Collocation::get().derivative * here.sources.g / h;
   size = p.sizes.with(here).u;
   size.x = size.x.cwiseMax(p.x.cwiseAbs());
   size.dg = size.dg.cwiseMax(start(dg, n).cwiseAbs());
@@ -182,7 +185,8 @@ Successor::Entry Successor::attempt_proposed(double h, const Vector& offset, Eve
   const double m = double(system_.states()), n = double(system_.constraints());
   const Vector rebounds = rebound(p, offset);
   for (const double share : shares) {
-    const ShortSteps::Step proposed = short_steps_.take(p.t, share * h, p.x, offset - share * h * rebounds);
+    const double length = short_length(share * h);
+    const ShortSteps::Step proposed = short_steps_.take(p.t, length, p.x, offset - length * rebounds);
     p.work += m * m * m + n * n * n;
     if (!proposed.y.allFinite()) continue;
     // Where w_i and y_i vanish, w_i = 0 may be what determines another y. Where large terms cancel, rounding may keep
@@ -190,7 +194,7 @@ Successor::Entry Successor::attempt_proposed(double h, const Vector& offset, Eve
     for (int k = 0; k < (proposed.solved ? 3 : 2); ++k) {
       const std::vector<Index> set = k == 0 ? support(proposed.y) : k == 1 ? proposed.basis() : proposed.zero_w;
       if (!tried_.insert(set).second) continue;
-      const Entry entry = attempt(set, 0.5 * share * h, p);
+      const Entry entry = attempt(set, 0.5 * length, p);
       if (found_ || entry == Entry::jumped) return entry;
     }
   }
@@ -200,7 +204,8 @@ Successor::Entry Successor::attempt_proposed(double h, const Vector& offset, Eve
 // Where y is not unique, the set of the y of least norm of a short step, if it lasts and leads to the same state.
 void Successor::prefer_least_norm(double h, const Vector& offset, EventPoint& p) {
   constexpr double share = 1e-3;
-  const ShortSteps::Step proposed = short_steps_.take(p.t, share * h, p.x, offset);
+  const double length = short_length(share * h);
+  const ShortSteps::Step proposed = short_steps_.take(p.t, length, p.x, offset);
   if (!proposed.solved || !proposed.y.allFinite()) return;
   const std::vector<Index> set = support(proposed.y);
   if (!tried_.insert(set).second) return;
@@ -208,7 +213,7 @@ void Successor::prefer_least_norm(double h, const Vector& offset, EventPoint& p)
   const std::size_t impulses = impulses_.size();
   EventPoint here = p;
   found_ = false;
-  const Entry entry = attempt(set, 0.5 * share * h, here);
+  const Entry entry = attempt(set, 0.5 * length, here);
   p.work = here.work;
   impulses_.resize(impulses);
   const bool less = entry == Entry::smooth && found_ && best_.mean_y() < less_y * first.mean_y();

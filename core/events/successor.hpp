@@ -21,7 +21,7 @@ class Successor {
   static constexpr Index most_enumerated = 6;  ///< constraints whose active sets are all tried
 
   /// All have to outlive the object.
-  Successor(const SystemMatrices&, const EventSources&, const ShortSteps&, EventSteps&, double T);
+  Successor(const SystemMatrices&, const EventSources&, ShortSteps&, EventSteps&, double T);
 
   struct Choice {
     const SwitchedMode* mode = nullptr;  ///< none: no active set was found
@@ -75,7 +75,7 @@ class Successor {
 
   const SystemMatrices& system_;
   const EventSources& sources_;
-  const ShortSteps& short_steps_;
+  ShortSteps& short_steps_;
   EventSteps& steps_;
   double T_;
   std::map<std::vector<Index>, std::optional<SwitchedMode>> modes_;

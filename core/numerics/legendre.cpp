@@ -8,18 +8,18 @@ constexpr Index s = legendre_degree;
 
 }  // namespace
 
-Vector legendre(double at) {
+LegendreValues legendre(double at) {
   const double z = 2 * at - 1;
-  Vector p(s + 1);
+  LegendreValues p;
   p[0] = 1;
   p[1] = z;
   for (Index k = 1; k < s; ++k) p[k + 1] = (double(2 * k + 1) * z * p[k] - double(k) * p[k - 1]) / double(k + 1);
   return p;
 }
 
-Vector legendre_integrals(double at) {
-  const Vector p = legendre(at);
-  Vector q(s + 1);
+LegendreValues legendre_integrals(double at) {
+  const LegendreValues p = legendre(at);
+  LegendreValues q;
   q[0] = at;
   for (Index k = 1; k < s; ++k) q[k] = (p[k + 1] - p[k - 1]) / (2 * double(2 * k + 1));
   const double z = 2 * at - 1, after = (double(2 * s + 1) * z * p[s] - double(s) * p[s - 1]) / double(s + 1);

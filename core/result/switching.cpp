@@ -4,6 +4,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
+#include <map>
+#include <utility>
 
 namespace bromwich {
 
@@ -82,12 +85,17 @@ std::vector<Switch> switches(const Solution& s, double negligible) {
 }
 
 std::vector<double> distances(const std::vector<Switch>& found, const std::vector<Switch>& other, double none) {
+  std::map<std::pair<Index, bool>, std::vector<double>> times;  // of each kind
+  for (const Switch& o : other) times[{o.component, o.on}].push_back(o.t);
+  for (auto& [kind, of_kind] : times) std::sort(of_kind.begin(), of_kind.end());
   std::vector<double> apart;
   for (const Switch& s : found) {
+    const std::vector<double>& same = times[{s.component, s.on}];
+    const auto next = std::lower_bound(same.begin(), same.end(), s.t);
     double nearest = INFINITY;
-    for (const Switch& o : other)
-      if (o.component == s.component && o.on == s.on) nearest = std::min(nearest, std::abs(o.t - s.t));
-    apart.push_back(std::isfinite(nearest) ? nearest : none);
+    if (next != same.end()) nearest = *next - s.t;
+    if (next != same.begin()) nearest = std::min(nearest, s.t - *std::prev(next));
+    apart.push_back(same.empty() ? none : nearest);
   }
   return apart;
 }
