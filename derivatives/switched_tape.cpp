@@ -1,6 +1,7 @@
 #include "derivatives/switched_tape.hpp"
 
 #include "core/base/text.hpp"
+#include "core/events/switched_system.hpp"
 
 #include <Eigen/LU>
 #include <Eigen/QR>
@@ -26,8 +27,7 @@ constexpr double share_of_largest = 1e-8;
 
 SwitchedTape::SwitchedTape(const Scene& scene, const EventSolution& s, const Vector& times, bool along_some)
     : m_(scene.states()), n_(scene.constraints()), T_(scene.T), t_(times), along_some_(along_some) {
-  const DenseDynamics& d = *scene.dynamics->small_state();
-  system_ = {d.A, d.B, d.N, to_dense(scene.M)};
+  system_ = switched_system(scene);
   add_pieces(scene, s);
   find_sizes(s);
   add_parts(s, scene.breakpoints);

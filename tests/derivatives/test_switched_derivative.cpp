@@ -101,6 +101,27 @@ TEST(SwitchedDerivative, OfAnImpact) {
   EXPECT_NEAR(by_height.x.row(2).norm(), 0, 1e-9) << "the floor forgets the start";
 }
 
+// x' = -cos t + y falls onto 0 and stays there until cos t < 0. What a reduction of larger equations leaves of M = 0 is
+// zero for the solution and for its derivative.
+TEST(SwitchedDerivative, OfAnObstacleWithRoundingInM) {
+  const Vector t{{0, 1, 3}};
+  const auto by_start = [&t](double M) {
+    Scene s;
+    s.dynamics = DenseDynamics{Matrix{{0}}, Matrix{{1}}, Matrix{{1}}};
+    s.M = Matrix{{M}};
+    s.f = [](double at, Eigen::Ref<Vector> v) { v[0] = -std::cos(at); };
+    s.x0 = Vector{{0.5}};
+    s.T = 3;
+    DataChange c;
+    c.x0 = Vector{{1}};
+    return SwitchedDerivative(s, t).jvp(c);
+  };
+  const SolutionChange found = by_start(1e-17), expected = by_start(0);
+  EXPECT_NEAR(found.integral(1, 0), -1, 1e-9) << "the obstacle takes what is above it";
+  EXPECT_EQ(found.integral, expected.integral);
+  EXPECT_EQ(found.x, expected.x);
+}
+
 TEST(SwitchedDerivative, SaysWhereThereIsNone) {
   const Vector t{{0, 0.5, 1}};
   // At rest on the switch: x = 0 and lambda within its bounds.
