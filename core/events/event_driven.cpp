@@ -42,7 +42,7 @@ class EventIntegration {
         system_(switched_system(scene)),
         m_(system_.states()),
         n_(system_.constraints()),
-        sources_(scene),
+        sources_(scene, o.looks),
         resets_(scene.resets),
         short_steps_(system_, sources_, T_),
         steps_(system_, sources_, T_, longest_span(), o.tolerance, longest_),

@@ -20,6 +20,7 @@
 #include "successor.hpp"
 
 #include <functional>
+#include <memory>
 #include <string>
 
 namespace bromwich {
@@ -28,6 +29,7 @@ struct EventOptions {
   double tolerance = 1e-10;  ///< of the last coefficients, relative to the largest value of a component so far
   double longest_step = 0;   ///< 0: a 64th of T
   double most_work = 4e10;   ///< floating-point operations, about; more: the integration gives up
+  std::shared_ptr<SourceLooks> looks = {};  ///< of scenes with the same f, g and T
   std::function<bool()> interrupted = {};
   std::function<void(double t)> progress = {};
 };

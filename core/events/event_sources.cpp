@@ -1,6 +1,8 @@
 #include "core/events/event_sources.hpp"
 
+#include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace bromwich {
 
@@ -21,8 +23,11 @@ Vector drop_rounding_of_time(double t, double h, LegendreCoefficients& c) {
   return unknown;
 }
 
+constexpr double inside = 1e-11;  ///< of T: a jump at an end of the step, known to rounding, is not on the step
+
 // The larger of the differences seen before and these, as far as they are no rounding.
-void see(Vector& off, const Vector& value, const LegendreCoefficients& c, const LegendreValues& at,
+template <typename Value>
+void see(Vector& off, const Value& value, const LegendreCoefficients& c, const LegendreValues& at,
          const Vector& unknown) {
   for (Index i = 0; i < off.size(); ++i) {
     const double difference = std::abs(value[i] - c.col(i).dot(at));
@@ -32,7 +37,11 @@ void see(Vector& off, const Vector& value, const LegendreCoefficients& c, const 
 
 }  // namespace
 
-EventSources::EventSources(const Scene& scene) : scene_(scene), m_(scene.states()), n_(scene.constraints()) {
+EventSources::EventSources(const Scene& scene, std::shared_ptr<SourceLooks> looks)
+    : scene_(scene),
+      m_(scene.states()),
+      n_(scene.constraints()),
+      looks_(looks ? std::move(looks) : std::make_shared<SourceLooks>()) {
   if (scene.f && scene.f_entry != SourceEntry::state) F_ = source_matrix(scene, *scene.dynamics->small_state());
 }
 
@@ -103,19 +112,49 @@ void EventSources::look(double t, double h, double at, Polynomials& p) const {
 }
 
 void EventSources::look_at_ends(double t, double h, Polynomials& p) const {
-  constexpr double inside = 1e-11;  // of T: a jump at an end of the step, known to rounding, is not on the step
   const double at = inside * scene_.T / h;
   if (at > Collocation::get().samples[0]) return;
   look(t, h, at, p);
   look(t, h, 1 - at, p);
 }
 
-void EventSources::look_between(double t, double h, Index count, Polynomials& p) const {
-  constexpr double golden = 0.6180339887498949;
-  for (Index k = 0; k < count; ++k) {
-    const double irregular = golden * double(k) - std::floor(golden * double(k));
-    look(t, h, (double(k) + 0.1 + 0.8 * irregular) / double(count), p);
+void EventSources::look_up(Index k, double at_time) const {
+  SourceLooks& l = *looks_;
+  if (l.known.empty()) {
+    l.known.assign(SourceLooks::count, 0);
+    l.f.resize(scene_.f ? SourceLooks::count : 0, m_);
+    l.g.resize(scene_.g ? SourceLooks::count : 0, n_);
   }
+  if (l.known[std::size_t(k)]) return;
+  Vector value;
+  if (scene_.f) {
+    value_of_f(at_time, value);
+    l.f.row(k) = value.transpose();
+  }
+  if (scene_.g) {
+    value_of_g(at_time, value);
+    l.g.row(k) = value.transpose();
+  }
+  l.known[std::size_t(k)] = 1;
+}
+
+Index EventSources::look_between(double t, double h, Polynomials& p) const {
+  constexpr double golden = 0.6180339887498949;
+  constexpr Index all = SourceLooks::count;
+  const double T = scene_.T, margin = inside * T;
+  const Index first = std::clamp<Index>(Index(t / T * all), 0, all - 1),
+              last = std::clamp<Index>(Index((t + h) / T * all), 0, all - 1);
+  if (last - first < Collocation::get().checks.size()) return 0;  // the checks see as much
+  for (Index k = first; k <= last; ++k) {
+    const double irregular = golden * double(k) - std::floor(golden * double(k)),
+                 time = (double(k) + 0.1 + 0.8 * irregular) / double(all) * T;
+    if (!(time > t + margin && time < t + h - margin)) continue;
+    look_up(k, time);
+    const LegendreValues there = legendre((time - t) / h);
+    if (scene_.f) see(p.off_f, looks_->f.row(k), p.f, there, p.unknown_f);
+    if (scene_.g) see(p.off_g, looks_->g.row(k), p.g, there, p.unknown_g);
+  }
+  return last - first + 1;
 }
 
 }  // namespace bromwich

@@ -4,12 +4,24 @@
 #include "../scene/scene.hpp"
 #include "collocation.hpp"
 
+#include <memory>
+#include <vector>
+
 namespace bromwich {
+
+/// Values of f and g at irregular times of [0, T], each found when it is first asked for. Integrations of scenes that
+/// differ in x0 alone may share them: the values of expressions take longer than all that is done with them.
+struct SourceLooks {
+  static constexpr Index count = 16384;
+
+  std::vector<char> known;  ///< of each time; empty: none
+  RowMatrix f, g;           ///< count x m and count x n
+};
 
 class EventSources {
  public:
-  /// A scene with dense dynamics that outlives the object.
-  explicit EventSources(const Scene&);
+  /// A scene with dense dynamics that outlives the object. `looks`: those of the same f, g and T, or null.
+  explicit EventSources(const Scene&, std::shared_ptr<SourceLooks> looks = {});
 
   bool any() const { return bool(scene_.f) || bool(scene_.g); }
   Vector f(double t) const;  ///< m values, as x' = A x + B y + f takes them
@@ -24,17 +36,20 @@ class EventSources {
   Polynomials sample(double t, double h) const;
   /// Increases the differences to those at both ends: a kink may lie between an end and the next sample.
   void look_at_ends(double t, double h, Polynomials&) const;
-  /// Increases the differences to those at `count` times: a pulse may lie between the samples.
-  void look_between(double t, double h, Index count, Polynomials&) const;
+  /// Increases the differences to those at the times of SourceLooks: a pulse may lie between the samples. Returns how
+  /// many these are.
+  Index look_between(double t, double h, Polynomials&) const;
 
  private:
   void value_of_f(double t, Vector& value) const;
   void value_of_g(double t, Vector& value) const;
   void look(double t, double h, double at, Polynomials&) const;
+  void look_up(Index k, double time) const;
 
   const Scene& scene_;
   Index m_, n_;
   Matrix F_;  ///< f = F phi where the scene gives phi
+  std::shared_ptr<SourceLooks> looks_;
 };
 
 }  // namespace bromwich

@@ -10,13 +10,12 @@ namespace bromwich {
 namespace {
 
 constexpr Index degree = Collocation::degree;
-constexpr double rounding_tail = 1e-10;      ///< of last coefficients: below, rounding is the cause where it stays
-constexpr double noise_share = 10;           ///< of the tolerance: negative values below count as zero
-constexpr double unseen = 1e-3;              ///< of the state: what rounding of y may move
-constexpr double shortest_share = 1e-14;     ///< of T
-constexpr Index looks_per_interval = 16384;  ///< at sources, in [0, T], where they seem to be smooth
-constexpr double of_source = 100;            ///< of one value of one component of a source, likewise
-constexpr double overhead = 4000;            ///< of a step, in the time of floating-point operations
+constexpr double rounding_tail = 1e-10;   ///< of last coefficients: below, rounding is the cause where it stays
+constexpr double noise_share = 10;        ///< of the tolerance: negative values below count as zero
+constexpr double unseen = 1e-3;           ///< of the state: what rounding of y may move
+constexpr double shortest_share = 1e-14;  ///< of T
+constexpr double of_source = 100;         ///< one value of one component of a source, in floating-point operations
+constexpr double overhead = 4000;         ///< of a step, likewise
 
 // Coefficients of the part of rows of a jet that does not depend on x.
 LegendreCoefficients without_x(const Jet& rows, const EventStep& p) {
@@ -282,12 +281,7 @@ double EventSteps::work_of_sources() const {
 void EventSteps::look_closer(EventPoint& p, EventStep& step) const {
   if (!sources_.any()) return;
   sources_.look_at_ends(p.t, step.length, step.sources);
-  const Index count = Index(double(looks_per_interval) * step.length / T_);
-  if (count > Collocation::get().checks.size()) {
-    sources_.look_between(p.t, step.length, count, step.sources);
-    p.work += double(count) * work_of_sources();
-  }
-  p.work += 2 * work_of_sources();
+  p.work += double(2 + sources_.look_between(p.t, step.length, step.sources)) * work_of_sources();
   step.defect = std::max(step.defect, source_defect(step.sizes.u, step.sources));
 }
 

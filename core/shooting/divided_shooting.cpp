@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <cmath>
 #include <deque>
+#include <memory>
 
 namespace bromwich {
 
@@ -24,6 +25,7 @@ struct Part {
   Scene scene;
   std::vector<double> breakpoints;
   FlowDerivative derivative;
+  std::shared_ptr<SourceLooks> looks = std::make_shared<SourceLooks>();
 
   Part(const Scene& whole, const std::vector<double>& all, double begin, double end)
       : scene(shifted(whole, begin, end)), breakpoints(inside(all, begin, end)), derivative(scene) {}
@@ -78,7 +80,9 @@ class DividedShooting {
       Part& part = parts_[std::size_t(k)];
       part.scene.x0 = nearest_feasible(part.scene, x[std::size_t(k)], size_);
       it.x.push_back(part.scene.x0);
-      it.flows.push_back(integrate_with_events(part.scene, class_, part.breakpoints, options_));
+      EventOptions options = options_;
+      options.looks = part.looks;
+      it.flows.push_back(integrate_with_events(part.scene, class_, part.breakpoints, options));
       if (!it.flows.back().complete) return it;
     }
     it.complete = true;

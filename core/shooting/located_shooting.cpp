@@ -12,6 +12,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
 #include <optional>
 
 namespace bromwich {
@@ -94,6 +95,7 @@ class LocatedShooting {
     for (double tolerance = options_.events.tolerance;; tolerance /= 10) {
       EventOptions o = options_.events;
       o.tolerance = tolerance;
+      o.looks = looks_;
       it.flow = integrate_with_events(scene_, class_, breakpoints_, o);
       ++solution_.flows;
       work_ += it.flow.work;
@@ -262,6 +264,7 @@ class LocatedShooting {
   const std::vector<double>& breakpoints_;
   const ShootingOptions& options_;
   FlowDerivative derivative_;
+  const std::shared_ptr<SourceLooks> looks_ = std::make_shared<SourceLooks>();
   Vector size_;         ///< m: largest values of the last flow
   const Vector least_;  ///< m: sizes are at least these
   Iterate now_;
