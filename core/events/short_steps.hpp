@@ -42,8 +42,8 @@ class ShortSteps {
 
  private:
   struct OfLength {
-    Eigen::PartialPivLU<Matrix> lu;  ///< of I - hA
-    Matrix moved, problem;           ///< h (I - hA)^{-1} B, M + N times that
+    Eigen::PartialPivLU<Matrix> lu;   ///< of I - hA
+    Matrix moved, problem;            ///< h (I - hA)^{-1} B, M + N times that
     std::optional<ActiveSetLcp> lcp;  ///< none without pairs
   };
   OfLength& of_length(double h);
