@@ -3,6 +3,7 @@
 #include "app/arguments.hpp"
 #include "app/backend_choice.hpp"
 #include "app/interaction.hpp"
+#include "app/measures.hpp"
 #include "app/output_file.hpp"
 #include "app/output_json.hpp"
 #include "app/ranks.hpp"
@@ -52,20 +53,6 @@ void check_map_arguments(const SolveArguments& a, const Circuit& circuit) {
   const std::string extension = fs::path(a.out).extension();
   if (!a.out.empty() && extension != ".csv" && extension != ".h5")
     throw Error("--out", fmt::format("'{}' does not end in .csv or .h5", a.out), "choose such a file");
-}
-
-/// Words between commas outside of parentheses.
-std::vector<std::string> map_words(const std::string& text) {
-  std::vector<std::string> words(1);
-  int depth = 0;
-  for (const char c : text) {
-    depth += int(c == '(') - int(c == ')');
-    if (c == ',' && depth == 0)
-      words.emplace_back();
-    else if (c != ' ')
-      words.back() += c;
-  }
-  return words;
 }
 
 void add_map_number(std::string& text, double value) {
@@ -256,7 +243,7 @@ std::optional<int> run_map(const SolveArguments& arguments, const std::string& s
     return parse_circuit(text, name, folder, all, period);
   };
   const std::vector<std::string> columns =
-      arguments.columns.empty() ? map_columns(run.circuit) : map_words(arguments.columns);
+      arguments.columns.empty() ? map_columns(run.circuit) : split_outside(arguments.columns);
   run.map = operating_map(read, run.circuit.steps, columns, options, *backend, backends_beside(*backend), "--columns");
   run.seconds = run.timer.lap();
   progress.finish();

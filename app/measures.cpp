@@ -21,20 +21,6 @@ constexpr std::pair<const char*, MeasureKind> kinds[] = {{"mean", MeasureKind::m
                                                          {"max", MeasureKind::max},
                                                          {"ripple", MeasureKind::ripple}};
 
-/// At commas outside of parentheses.
-std::vector<std::string> split_outside(const std::string& text) {
-  std::vector<std::string> words{""};
-  int depth = 0;
-  for (const char c : text) {
-    depth += int(c == '(') - int(c == ')');
-    if (c == ',' && depth == 0)
-      words.emplace_back();
-    else if (c != ' ')
-      words.back() += c;
-  }
-  return words;
-}
-
 Measure parse_measure(const std::string& word, const Scene& scene, const ParameterValues& parameters) {
   const std::size_t open = word.find('(');
   const std::string what = word.substr(0, open);
@@ -62,6 +48,19 @@ Measure parse_measure(const std::string& word, const Scene& scene, const Paramet
 }
 
 }  // namespace
+
+std::vector<std::string> split_outside(const std::string& text) {
+  std::vector<std::string> words{""};
+  int depth = 0;
+  for (const char c : text) {
+    depth += int(c == '(') - int(c == ')');
+    if (c == ',' && depth == 0)
+      words.emplace_back();
+    else if (c != ' ')
+      words.back() += c;
+  }
+  return words;
+}
 
 std::vector<Measure> parse_measures(const std::string& words, const Scene& scene, const ParameterValues& parameters,
                                     std::vector<Column>& columns) {

@@ -20,6 +20,9 @@ struct Measure {
   std::string name;                ///< as it was written, "mean(v)"
 };
 
+/// Words between commas outside of parentheses, without blanks: "a,mean(b,1,2)" are two.
+std::vector<std::string> split_outside(const std::string&);
+
 /// The words of --columns of a sweep: "v,mean(v),ripple(v,1e-3,2e-3)". Columns of its own go to `columns`. Times are
 /// numbers or expressions of the parameters. Throws Error that names --columns.
 std::vector<Measure> parse_measures(const std::string& words, const Scene&, const ParameterValues& parameters,

@@ -41,8 +41,8 @@ using ReadCircuit = std::function<Circuit(const std::map<std::string, double>&)>
 /// The first operating point that can be read. Throws what the first one throws where none can.
 Circuit first_point(const ReadCircuit&, const std::vector<CircuitStep>&, const std::string& where);
 
-/// Without words: all .meas cards; where there are none, the means of a periodic state and its efficiency, or the
-/// voltages at the end; of all nodes but those within subcircuits.
+/// The columns of a map that names none: the .meas cards. Without cards, a periodic state has the mean of each voltage
+/// and its efficiency, a transient the voltages at its end. Nodes within subcircuits have no column.
 std::vector<std::string> map_columns(const Circuit&);
 
 /// Threads of `backend` share the points, each with a backend of `another`. A point that cannot be read has the status

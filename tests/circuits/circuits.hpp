@@ -2,7 +2,12 @@
 // Netlists of the tests.
 
 #include "circuits/circuit.hpp"
+#include "core/solve/dense_output.hpp"
+#include "tests/support/run.hpp"
 
+#include <gtest/gtest.h>
+
+#include <map>
 #include <string>
 
 namespace bromwich::test {
@@ -18,6 +23,21 @@ inline std::string message_of(const std::string& cards) {
   } catch (const std::exception& error) {
     return error.what();
   }
+}
+
+/// Outputs by name at the time t; empty where the circuit is not solved.
+inline std::map<std::string, double> values_at(const Circuit& c, double t, double tolerance) {
+  Options options;
+  options.tolerance_x = tolerance;
+  options.states = StateSelection::all;
+  const auto backend = make_cpu_backend(1);
+  const Result r = solve(c.scene, *backend, options);
+  EXPECT_EQ(r.status, Status::solved) << r.reason;
+  std::map<std::string, double> all;
+  if (r.status != Status::solved) return all;
+  const RowMatrix row = output_values(c, at_times(c.scene, *backend, r, {t}));
+  for (std::size_t i = 0; i < c.outputs.size(); ++i) all[c.outputs[i].name] = row(0, Index(i));
+  return all;
 }
 
 }  // namespace bromwich::test

@@ -1,8 +1,6 @@
 // B sources and the subcircuits of the library, against closed forms.
 
-#include "core/solve/dense_output.hpp"
 #include "tests/circuits/circuits.hpp"
-#include "tests/support/run.hpp"
 
 #include <gtest/gtest.h>
 
@@ -19,19 +17,7 @@ using test::circuit_of;
 using test::message_of;
 constexpr double pi = std::numbers::pi;
 
-std::map<std::string, double> values(const Circuit& c, double t) {
-  Options options;
-  options.tolerance_x = 1e-8;
-  options.states = StateSelection::all;
-  const auto backend = make_cpu_backend(1);
-  const Result r = solve(c.scene, *backend, options);
-  EXPECT_EQ(r.status, Status::solved) << r.reason;
-  std::map<std::string, double> all;
-  if (r.status != Status::solved) return all;
-  const RowMatrix row = output_values(c, at_times(c.scene, *backend, r, {t}));
-  for (std::size_t i = 0; i < c.outputs.size(); ++i) all[c.outputs[i].name] = row(0, Index(i));
-  return all;
-}
+std::map<std::string, double> values(const Circuit& c, double t) { return test::values_at(c, t, 1e-8); }
 
 /// V(o) of B1 at t, where V(a) = 4 sin(2 pi t / 1 ms), V(b) = 1 and I(Vm) = V(a) / 2.
 double value_of(const std::string& expression, double t) {

@@ -1,8 +1,6 @@
 // Switches that the state of the circuit controls, and thyristors, against closed forms.
 
-#include "core/solve/dense_output.hpp"
 #include "tests/circuits/circuits.hpp"
-#include "tests/support/run.hpp"
 
 #include <gtest/gtest.h>
 
@@ -16,19 +14,7 @@ namespace memories_test {
 using test::circuit_of;
 constexpr double pi = std::numbers::pi;
 
-std::map<std::string, double> values(const Circuit& c, double t) {
-  Options options;
-  options.tolerance_x = 1e-7;
-  options.states = StateSelection::all;
-  const auto backend = make_cpu_backend(1);
-  const Result r = solve(c.scene, *backend, options);
-  EXPECT_EQ(r.status, Status::solved) << r.reason;
-  std::map<std::string, double> all;
-  if (r.status != Status::solved) return all;
-  const RowMatrix row = output_values(c, at_times(c.scene, *backend, r, {t}));
-  for (std::size_t i = 0; i < c.outputs.size(); ++i) all[c.outputs[i].name] = row(0, Index(i));
-  return all;
-}
+std::map<std::string, double> values(const Circuit& c, double t) { return test::values_at(c, t, 1e-7); }
 
 // 5 V charge 1 uF over 10 kohm; from 3.5 V on the switch discharges it over 1 kohm, down to 1.5 V.
 TEST(Memories, AnOscillatorWithAHysteresisSwitch) {
