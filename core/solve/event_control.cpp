@@ -57,7 +57,7 @@ Vector largest_of(const EventSolution& s, Matrix EventPiece::*which) {
 std::vector<double> jump_times(const EventSolution& s) {
   std::vector<double> times;
   for (const EventPiece& p : s.pieces)
-    if (p.begin > 0 && !p.impulses.empty()) times.push_back(p.begin);
+    if (p.begin > 0 && (!p.impulses.empty() || !p.resets.empty())) times.push_back(p.begin);
   return times;
 }
 
@@ -69,8 +69,11 @@ void take_sides(const EventSolution& of_a, const EventSolution& of_b, double apa
   for (std::size_t k = 0; k < jumps.size(); ++k) {
     const Index j = std::min(Index(std::lround(jumps[k] / h)), a.steps);
     if (std::abs(jumps[k] - others[k]) > apart || std::abs(jumps[k] - a.t[j]) > apart) continue;
-    const Vector found = b.y_integral.row(j);
-    const auto off = [&](bool left) { return (of_a.integral_of_y(jumps[k], left) - found).norm(); };
+    const Vector integral = b.y_integral.row(j), x = b.x.row(j);
+    const auto off = [&](bool left) {
+      return (of_a.integral_of_y(jumps[k], left) - integral).norm() +
+             (of_a.x(jumps[k], left)(a.x_components) - x).norm();
+    };
     const bool left = off(true) <= off(false);
     a.x.row(j) = of_a.x(jumps[k], left)(a.x_components).transpose();
     a.y_integral.row(j) = of_a.integral_of_y(jumps[k], left).transpose();
