@@ -1,5 +1,6 @@
 #include "batch/batch_groups.hpp"
 
+#include "core/scene/natural_sizes.hpp"
 #include "core/solve/kept_solver.hpp"
 
 #include <algorithm>
@@ -31,6 +32,13 @@ bool own_sources(const Batch& b) {
   if (b.same_sources && std::all_of(b.own.begin(), b.own.end(), [&](const Scene& s) { return s.T == b.own[0].T; }))
     return false;
   return std::any_of(b.own.begin(), b.own.end(), [](const Scene& s) { return s.f || s.g; });
+}
+
+Scene with_constant_sources(Scene scene) {
+  const auto constant = [](const Vector& values) { return [values](double, Eigen::Ref<Vector> v) { v = values; }; };
+  if (scene.f) scene.f = constant(largest_values(scene.f, scene.sources(), scene));
+  if (scene.g) scene.g = constant(largest_values(scene.g, scene.constraints(), scene));
+  return scene;
 }
 
 std::vector<std::vector<Index>> groups_of(const Batch& b) {

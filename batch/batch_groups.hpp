@@ -15,6 +15,8 @@ inline const Scene& first_of(const Batch& b) { return b.own.empty() ? b.common :
 bool own_matrices(const Batch&);
 /// Some scene has f or g of its own.
 bool own_sources(const Batch&);
+/// With the largest values of f and g in their place, which natural units depend on.
+Scene with_constant_sources(Scene);
 /// Scenes that differ in x0, f and g at most, in lists.
 std::vector<std::vector<Index>> groups_of(const Batch&);
 

@@ -162,10 +162,7 @@ std::vector<NaturalUnits> BatchRun::units_of(const std::vector<Index>& group) {
       units[i] = of(scene_of(batch_, group[i]));
     return units;
   }
-  Scene common = scene_of(batch_, group.front());
-  const auto constant = [](const Vector& values) { return [values](double, Eigen::Ref<Vector> v) { v = values; }; };
-  if (common.f) common.f = constant(largest_values(common.f, common.sources(), common));
-  if (common.g) common.g = constant(largest_values(common.g, common.constraints(), common));
+  const Scene common = with_constant_sources(scene_of(batch_, group.front()));
   share(backend_, Index(group.size()), 64, [&](Index begin, Index end) {
     Scene scene = common;
     for (Index i = begin; i < end; ++i) {

@@ -18,9 +18,8 @@ LaneState::LaneState(const LanePlan& p) : m(p.m), n(p.n), J(p.J) {
 void LaneState::take(const std::vector<const LaneInput*>& given) {
   inputs = given;
   used = Index(given.size());
-  own_sources = std::any_of(given.begin(), given.end(), [&](const auto* i) { return i->sources != given[0]->sources; });
   lost = other = LaneMask{};
-  fill_sources();
+  if (samples()) single_ = {};
   start();
 }
 
@@ -34,34 +33,76 @@ unsigned LaneState::rigid() const {
   return all;
 }
 
-host::StageSteps* LaneState::steps_of(Index lane) {
-  const StageProblem& problem = *sources(lane).problem;
-  const auto at = std::size_t(own_sources || !shared() ? lane : 0);
-  if (!steps[at] || steps_for[at] != &problem) steps[at] = std::make_unique<host::StageSteps>(problem);
-  steps_for[at] = &problem;
-  return steps[at].get();
+host::StageSteps& LaneState::steps_of(Index lane) {
+  const bool one_for_all = shared() && !samples() && !have_own_tables();
+  SingleSteps& single = single_[std::size_t(one_for_all ? 0 : lane)];
+  if (samples() && !single.steps) single.own = plan(lane).stage_problem(*samples());
+  const StageProblem& problem = samples() ? single.own : *tables(lane).problem;
+  if (single.of != &problem) single.steps = std::make_unique<host::StageSteps>(problem);
+  single.of = &problem;
+  return *single.steps;
 }
 
 double LaneState::g_at(Index lane, Index j, Index i) const {
-  const LaneSources& s = sources(lane);
+  if (samples()) return plan(lane).maps.g[i] * samples()->g(j, i);
+  const LaneSources& s = tables(lane);
   return plan(lane).stages ? s.at_points(j, i) : s.g(j, i);
 }
 
-void LaneState::fill_sources() {
-  if (!own_sources) return;
-  const auto fill = [&](const RowMatrix LaneSources::*table, std::vector<Lanes>& to) {
-    const Index size = (sources(0).*table).size();
-    to.resize(std::size_t(size));
-    for (Index l = 0; l < lanes; ++l) {
-      const double* from = (sources(l).*table).data();
-      for (Index k = 0; k < size; ++k) to[std::size_t(k)][l] = from[k];
-    }
+bool LaneState::have_own_tables() const {
+  return std::any_of(inputs.begin(), inputs.end(), [&](const auto* i) { return i->sources != inputs[0]->sources; });
+}
+
+namespace {
+
+template <class Get>
+void put_side_by_side(const Get& get, std::vector<simd::Lanes>& to) {
+  to.resize(std::size_t(get(0).size()));
+  for (Index l = 0; l < lanes; ++l) {
+    const double* from = get(l).data();
+    for (std::size_t k = 0; k < to.size(); ++k) to[k][l] = from[k];
+  }
+}
+
+}  // namespace
+
+void LaneState::fill(RowMatrix LaneSources::*table, std::vector<Lanes>& to) {
+  put_side_by_side([&](Index l) -> const RowMatrix& { return tables(l).*table; }, to);
+}
+
+void LaneState::fill(RowMatrix SourceMaps::*map, std::vector<Lanes>& to) {
+  put_side_by_side([&](Index l) -> const RowMatrix& { return plan(l).maps.*map; }, to);
+}
+
+LaneState::Sources LaneState::sources() {
+  using Source = scene_steps::Source<Lanes>;
+  const bool stages = plan(0).stages;
+  if (const SourceSamples* s = samples()) {
+    fill(&SourceMaps::drift, maps_.drift), fill(&SourceMaps::q, maps_.q);
+    fill(&SourceMaps::growth, maps_.growth), fill(&SourceMaps::f, maps_.f);
+    put_side_by_side([&](Index l) -> const Vector& { return plan(l).maps.g; }, maps_.g);
+    maps_.g.insert(maps_.g.end(), maps_.g.begin(), maps_.g.begin() + n);  // of both stages
+    const RowMatrix& of_steps = stages ? s->f_stages : s->f_ends;
+    const auto mapped = [&](const RowMatrix* shared, const std::vector<Lanes>& map, const RowMatrix& samples,
+                            Index width) {
+      return Source{shared ? shared->data() : nullptr, nullptr, width, 1,
+                    {map.data(), maps_.g.data(), samples.data(), samples.cols(), shared && stages}};
+    };
+    const Source drift = mapped(nullptr, maps_.drift, of_steps, m), at_points = mapped(&s->g, {}, {}, n);
+    return {drift, stages ? mapped(&s->g_stages, maps_.q, of_steps, 2 * n) : at_points, at_points,
+            stages ? mapped(nullptr, maps_.growth, s->f, m) : drift, mapped(nullptr, maps_.f, s->f, m)};
+  }
+  const bool own = have_own_tables();
+  const auto table = [&](RowMatrix LaneSources::*of, std::vector<Lanes>& beside, Index width) {
+    if (own) fill(of, beside);
+    return Source{(tables(0).*of).data(), own ? beside.data() : nullptr, width, 1};
   };
-  fill(&LaneSources::drift, own.drift);
-  fill(&LaneSources::g, own.g);
-  fill(&LaneSources::f, own.f);
-  fill(&LaneSources::at_points, own.at_points);
-  fill(&LaneSources::growth_drift, own.growth_drift);
+  const Source drift = table(&LaneSources::drift, beside_.drift, m),
+               g = table(&LaneSources::g, beside_.g, stages ? 2 * n : n),
+               f = table(&LaneSources::f, beside_.f, m);
+  if (!stages) return {drift, g, g, drift, f};
+  return {drift, g, table(&LaneSources::at_points, beside_.at_points, n),
+          table(&LaneSources::growth_drift, beside_.growth_drift, m), f};
 }
 
 // x0 and y_0, lane by lane. Lanes without a scene repeat the first one.

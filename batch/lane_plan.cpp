@@ -84,7 +84,26 @@ double steps_of_mode(Complex z) {
 
 RowMatrix times(const RowMatrix& table, const Matrix& matrix) { return table * matrix.transpose(); }
 
+// Units of what f is stated by; null: none.
+const std::vector<int>* units_of_f(const Scene& scene, const NaturalUnits& units) {
+  if (scene.f_entry == SourceEntry::state) return &units.x;
+  return scene.f_entry == SourceEntry::through_B ? &units.y : nullptr;
+}
+
 }  // namespace
+
+std::optional<SourceSamples> SourceSamples::of(const Scene& scene, Backend& backend, Index J) {
+  const DiscreteProblem d = discretise(scene, backend, J, false, nullptr);
+  if (d.f.not_finite() >= 0 || d.g.not_finite() >= 0 || d.sources) return std::nullopt;
+  StageProblem stages = smooth_stage_problem(d);
+  SourceSamples s{d.g.table(), std::move(stages.g), {}, {}, std::move(stages.phi)};
+  if (d.f.size() == 0) return s;
+  s.f = d.f.table();
+  s.f_ends = RowMatrix::Zero(J + 1, 2 * s.f.cols());
+  s.f_ends.bottomLeftCorner(J, s.f.cols()) = s.f.topRows(J);
+  s.f_ends.rightCols(s.f.cols()) = s.f;
+  return s;
+}
 
 std::unique_ptr<ActiveSetTable> LanePlan::problem_of(const Matrix& matrix) const {
   return std::make_unique<ActiveSetTable>(matrix, least_elements ? &M : nullptr);
@@ -137,6 +156,7 @@ std::unique_ptr<LanePlan> LanePlan::make(const Scene& given, Backend& backend, I
   p->lcp_class = d.lcp_class;
   p->least_elements = selects_least(d.lcp_class);
   p->surely_P = has_one_solution(d.lcp_class);
+  p->has_f_ = bool(given.f);
   const double size = scene.T * p->A.cwiseAbs().colwise().sum().maxCoeff();
   if (!(epsilon * size <= rounding_of_time)) return why = "long times", nullptr;
   if (d.f.not_finite() >= 0 || d.g.not_finite() >= 0) return why = "sources that are not finite", nullptr;
@@ -150,6 +170,7 @@ std::unique_ptr<LanePlan> LanePlan::make(const Scene& given, Backend& backend, I
     p->units = units;
   else
     p->to_units_of(scene, units);
+  if (own_sources) p->make_maps(given);
   return p;
 }
 
@@ -187,10 +208,12 @@ bool LanePlan::take_stages(Methods& methods, bool own_sources, std::string& why)
   if (2 * n > largest_tabulated) return why = "stages of more than four constraints", false;
   if (d.sources) return why = "stages with sources that are not smooth", false;
   if (!has_euler_step(A, h)) return why = "a step of implicit Euler is singular", false;
-  const StageProblem problem = smooth_stage_problem(d);
-  const std::vector<Index> rows = {0};
-  const host::DenseStageMaps maps = host::dense_stage_maps(problem, *d.small_state(), 2, h, rows);
+  F_ = source_matrix(d);
+  StageProblem problem = stage_problem({});
+  if (!has_f_) problem.F = {};
+  host::DenseStageMaps maps = host::dense_stage_maps(problem, *d.small_state(), 2, h, {});
   whole.E = maps.decay, whole.L = maps.see, whole.R = maps.drive;
+  push_ = std::move(maps.push), seen_push_ = std::move(maps.seen_push);
   Matrix steps = maps.implicit;
   for (const Index k : {Index(0), n}) steps.block(k, k, n, n) += M;
   steps.topRows(n) *= 0.75, steps.bottomRows(n) *= 0.25;
@@ -202,8 +225,9 @@ bool LanePlan::take_stages(Methods& methods, bool own_sources, std::string& why)
   euler_E = euler_step->decay, euler_R = euler_step->right * B;
   euler_problem = std::make_unique<ActiveSetTable>(M + N * euler_R, nullptr);
   if ((selects_least(lcp_class) || !selects_one(lcp_class)) && !look_for_others(why)) return false;
-  F_ = source_matrix(d), drive_right_ = euler_step->right * F_;
-  const std::vector<bool> position = host::StageSteps(problem).rigid();
+  drive_right_ = euler_step->right * F_;
+  const std::vector<bool> position =
+      host::StageSteps::rigid_constraints(natural->dynamics->outputs(), natural->dynamics->rates_of_inputs(h), M);
   for (std::size_t i = 0; i < position.size(); ++i) rigid |= position[i] ? 1u << i : 0u;
   if (!own_sources) sources = tables(d);
   return true;
@@ -212,8 +236,14 @@ bool LanePlan::take_stages(Methods& methods, bool own_sources, std::string& why)
 // In the units of d. Precondition: no rough steps that matter to stages.
 LaneSources LanePlan::tables(const DiscreteProblem& d) const {
   const RowMatrix f = d.f.size() > 0 ? RowMatrix(d.f.table()) : RowMatrix();
-  if (!stages) return sources_at_points(d.g.table(), f);
   LaneSources s;
+  if (!stages) {
+    s.g = d.g.table();
+    s.drift = f.size() > 0 ? times(f, drive_right_) : RowMatrix::Zero(J + 1, m);
+    if (f.size() > 0) s.drift.bottomRows(J) += times(f.topRows(J), drive_left_);
+    if (euler) s.f = f.size() > 0 ? times(f, F_) : RowMatrix::Zero(J + 1, m);
+    return s;
+  }
   s.f = f.size() > 0 ? times(f, F_) : RowMatrix::Zero(J + 1, m);
   s.problem = smooth_stage_problem(d);
   std::vector<Index> rows(std::size_t(J) + 1);
@@ -226,13 +256,39 @@ LaneSources LanePlan::tables(const DiscreteProblem& d) const {
   return s;
 }
 
-LaneSources LanePlan::sources_at_points(const RowMatrix& g, const RowMatrix& f) const {
-  LaneSources s;
-  s.g = g;
-  s.drift = f.size() > 0 ? times(f, drive_right_) : RowMatrix::Zero(J + 1, m);
-  if (f.size() > 0) s.drift.bottomRows(J) += times(f.topRows(J), drive_left_);
-  if (euler) s.f = f.size() > 0 ? times(f, F_) : RowMatrix::Zero(J + 1, m);
-  return s;
+// f of the scene is given in its units, which the columns of the maps take to those of the plan.
+void LanePlan::make_maps(const Scene& scene) {
+  maps.g = Vector::Ones(n);
+  for (Index i = 0; i < n && !units.trivial(); ++i) maps.g[i] = times_ten_to(-units.w[std::size_t(i)], 1);
+  if (!has_f_) return;
+  const Index k = F_.cols();
+  maps.f = F_;
+  if (stages) {
+    maps.drift = push_, maps.q = seen_push_, maps.growth = drive_right_;
+  } else {
+    maps.drift.resize(m, 2 * k);
+    maps.drift << drive_left_, drive_right_;
+  }
+  const std::vector<int>* of_f = units.trivial() ? nullptr : units_of_f(scene, units);
+  for (RowMatrix* map : {&maps.drift, &maps.q, &maps.growth, &maps.f})
+    for (Index c = 0; c < map->cols() && of_f; ++c)
+      for (double& entry : map->col(c)) entry = times_ten_to(-(*of_f)[std::size_t(c % k)], entry);
+}
+
+StageProblem LanePlan::stage_problem(const SourceSamples& samples) const {
+  StageProblem p;
+  p.dynamics = &natural->dynamics, p.M = &natural->M;
+  p.lcp_class = lcp_class;
+  p.h = h;
+  p.x0 = natural->x0;
+  p.F = F_.sparseView();
+  const auto in_units = [](RowMatrix& table, const std::vector<int>* of) {
+    for (Index c = 0; c < table.cols() && of && !of->empty(); ++c)
+      for (double& entry : table.col(c)) entry = times_ten_to(-(*of)[std::size_t(c) % of->size()], entry);
+  };
+  p.g = samples.g_stages, p.phi = samples.f_stages;
+  in_units(p.g, &units.w), in_units(p.phi, units_of_f(*natural, units));
+  return p;
 }
 
 std::optional<LaneSources> LanePlan::sources_of(const Scene& given) const {
@@ -299,9 +355,7 @@ void LanePlan::to_units_of(const Scene& scene, const NaturalUnits& given) {
   at_zero = problem_of(M);
   if (others) others.emplace(M);
   if (euler) add_euler(*this);
-  const std::vector<int>* of_f = scene.f_entry == SourceEntry::state       ? &given.x
-                                 : scene.f_entry == SourceEntry::through_B ? &given.y
-                                                                           : nullptr;
+  const std::vector<int>* of_f = units_of_f(scene, given);
   for (Matrix* matrix : {&F_, &drive_left_, &drive_right_}) scale(*matrix, given.x, of_f);
   scale_rows(sources.drift, given.x), scale_rows(sources.f, given.x), scale_rows(sources.g, given.w);
   for (auto& [step, all] : parts)

@@ -54,6 +54,22 @@ struct LaneSources {
   std::optional<StageProblem> problem;  ///< with stages
 };
 
+/// Samples of f and g that scenes with plans of their own share, in the units of the scenes: (J+1) rows each.
+struct SourceSamples {
+  /// None where sources are not finite or not smooth.
+  static std::optional<SourceSamples> of(const Scene&, Backend&, Index J);
+
+  RowMatrix g, g_stages;         ///< n, and 2n at the stages of the step to t_j
+  RowMatrix f, f_ends, f_stages; ///< k at the time points, 2k at the ends of the step to t_j, 2k at its stages; or empty
+};
+
+/// What a plan makes of SourceSamples, in its own units.
+struct SourceMaps {
+  RowMatrix drift, q;   ///< m x 2k, and with stages 2n x 2k
+  RowMatrix growth, f;  ///< m x k: with stages, growth_drift; where other solutions are looked for, f itself
+  Vector g;             ///< n: with stages, the factors of g
+};
+
 /// y_0 of a scene.
 struct LaneStart {
   bool found = false;  ///< the problem at t = 0 is solved
@@ -75,8 +91,8 @@ class LanePlan {
   GrowthMaps growth() const;
   /// The tables of a scene with sources of its own; empty where they are not finite or not smooth.
   std::optional<LaneSources> sources_of(const Scene&) const;
-  /// The same without stages, from values of g and of what f is stated by at the time points; `f` may be empty.
-  LaneSources sources_at_points(const RowMatrix& g, const RowMatrix& f) const;
+  /// With stages: the problem of steps that are taken singly.
+  StageProblem stage_problem(const SourceSamples&) const;
   /// x0 of a scene in the units of the plan.
   Vector start_of(Vector x0) const;
   /// y_0 from x0 and g(0), both in these units.
@@ -97,6 +113,7 @@ class LanePlan {
   std::optional<OtherSolutions> others;            ///< of the problem at t = 0, where a single solve looks for them
   std::optional<EulerSearch> euler;                ///< where it looks for other solutions of the steps as well
   LaneSources sources;                             ///< shared ones
+  SourceMaps maps;                                 ///< of samples, without shared ones
   std::map<Index, std::vector<PartOfStep>> parts;  ///< of rough steps
   std::deque<StepMaps> maps_of_parts;
   NaturalUnits units;                    ///< with stages: those of all that is above; otherwise trivial
@@ -112,20 +129,24 @@ class LanePlan {
   void to_units_of(const Scene&, const NaturalUnits&);
   std::unique_ptr<ActiveSetTable> problem_of(const Matrix&) const;
   double limit_of(unsigned set) const;
+  void make_maps(const Scene&);
   LaneSources tables(const DiscreteProblem&) const;
 
   std::shared_ptr<GridFamily> family_;
   Backend* backend_ = nullptr;
   Matrix F_, drive_left_, drive_right_;  ///< of f, and of its values at the ends of a step
+  bool has_f_ = false;
+  Matrix push_, seen_push_;              ///< with stages, of its values there: DenseStageMaps
   mutable std::mutex mutex_;
   mutable std::map<unsigned, double> longest_;
 };
 
-/// What one lane starts from.
+/// What one lane starts from. Its sources are own ones, maps of samples, or those of the plan.
 struct LaneInput {
   const LanePlan* plan = nullptr;
-  Vector x0;                                   ///< in the units of the plan
-  std::shared_ptr<const LaneSources> sources;  ///< own ones, or those of several scenes; null: those of the plan
+  Vector x0;  ///< in the units of the plan
+  std::shared_ptr<const LaneSources> sources = {};
+  const SourceSamples* samples = nullptr;
 };
 
 }  // namespace bromwich

@@ -99,8 +99,8 @@ class LaneProblem {
     for (Index i = 0; i < size; ++i) u[i] = Lanes(LaneMask(column_scale_[i] * row_times<size>(v, i)) & active_[i]);
   }
 
-  /// Of the sets that `take` has taken.
-  Lanes limit() const { return limit_; }
+  /// The sets that `take` has taken have lasted for `run` steps.
+  void lasts(Lanes run, LaneMask& lost) const { lost |= run > limit_; }
   std::function<double(Index lane, unsigned set)> longest;  ///< empty: no limits
 
   bool certain = false;  ///< class P: solutions are the only ones

@@ -17,29 +17,52 @@ struct LaneState {
 
   explicit LaneState(const LanePlan&);
   void take(const std::vector<const LaneInput*>&);
-  void start();
-  void fill_sources();
   bool shared() const;  ///< the matrices
   const LanePlan& plan(Index lane) const { return *input(lane).plan; }
   const LaneInput& input(Index lane) const { return *inputs[std::size_t(lane < used ? lane : 0)]; }
-  const LaneSources& sources(Index lane) const {
-    return input(lane).sources ? *input(lane).sources : plan(lane).sources;
-  }
   double g_at(Index lane, Index j, Index i) const;
-  host::StageSteps* steps_of(Index lane);
+  host::StageSteps& steps_of(Index lane);
   unsigned rigid() const;
 
   std::vector<const LaneInput*> inputs;
   Index m, n, J, used = 0;
   std::vector<Lanes> x, y;
-  struct OwnSources {
-    std::vector<Lanes> drift, g, f, at_points, growth_drift;
-  } own;
-  bool own_sources = false;  ///< otherwise all lanes have those of the first
   LaneMask lost = {}, other = {};
   Lanes residual = {};
-  std::array<std::unique_ptr<host::StageSteps>, simd::lanes> steps;  ///< of the lanes, made where a step needs one
-  std::array<const StageProblem*, simd::lanes> steps_for = {};
+
+  /// The sources of a step: LaneSources by these names.
+  struct Sources {
+    scene_steps::Source<Lanes> drift, g, at_points, growth_drift, f;
+  };
+  Sources sources();
+
+ private:
+  // Tables of the lanes side by side.
+  struct Beside {
+    std::vector<Lanes> drift, g, f, at_points, growth_drift;
+  };
+  struct BesideMaps {
+    std::vector<Lanes> drift, q, growth, f, g;
+  };
+  // Those of one scene, made where one of its steps is taken singly.
+  struct SingleSteps {
+    const StageProblem* of = nullptr;
+    StageProblem own;  ///< with maps
+    std::unique_ptr<host::StageSteps> steps;
+  };
+
+  const LaneSources& tables(Index lane) const {
+    return input(lane).sources ? *input(lane).sources : plan(lane).sources;
+  }
+  const SourceSamples* samples() const { return inputs[0]->samples; }
+  bool have_own_tables() const;
+  void start();
+  void fill(RowMatrix LaneSources::*table, std::vector<Lanes>& to);
+  void fill(RowMatrix SourceMaps::*map, std::vector<Lanes>& to);
+
+  Beside beside_;
+  BesideMaps maps_;
+  std::array<SingleSteps, simd::lanes> single_;
 };
 
 /// march, then the checks. Defined for double and simd::Lanes in files of their own.

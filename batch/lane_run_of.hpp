@@ -16,7 +16,6 @@ namespace lane_run {
 using scene_steps::Arithmetic;
 using scene_steps::Matrices;
 using scene_steps::Rows;
-using scene_steps::Source;
 using simd::LaneMask;
 using simd::Lanes;
 
@@ -70,8 +69,8 @@ struct Tables {
     });
   }
 
-  Matrices<C> view(const LanePlan& p) const {
-    Matrices<C> v;
+  Matrices<const C*> view(const LanePlan& p) const {
+    Matrices<const C*> v;
     v.m = p.m, v.J = p.J, v.h = p.h;
     v.E = E.data(), v.L = L.data(), v.R = R.data(), v.N = N.data(), v.M = M.data(), v.B = B.data();
     v.growth_E = growth_E.data(), v.growth_G = growth_G.data();
@@ -89,14 +88,9 @@ LaneProblem::Tables tables_of(const LaneState& s, const Get& get) {
   return tables;
 }
 
-inline Source<Lanes> source_of(const LaneState& s, RowMatrix LaneSources::*shared, const std::vector<Lanes>& own,
-                               Index width) {
-  return {(s.sources(0).*shared).data(), s.own_sources ? own.data() : nullptr, width, 1};
-}
-
 template <Index n, class C>
 class Run {
-  using Steps = scene_steps::Steps<0, n, Lanes, C>;
+  using Steps = scene_steps::Steps<0, n, Lanes, const C*>;
 
  public:
   explicit Run(LaneState& s)
@@ -104,11 +98,9 @@ class Run {
         p_(s.plan(0)),
         tables_(s),
         view_(tables_.view(p_)),
-        g_(source_of(s, &LaneSources::g, s.own.g, p_.stages ? 2 * n : n)),
-        drift_(source_of(s, &LaneSources::drift, s.own.drift, s.m)),
-        at_points_(p_.stages ? source_of(s, &LaneSources::at_points, s.own.at_points, n) : g_),
-        growth_drift_(p_.stages ? source_of(s, &LaneSources::growth_drift, s.own.growth_drift, s.m) : drift_),
-        steps_{view_, {s.x.data(), s.m, 1}, {s.y.data(), n, 1}, drift_, g_, growth_drift_} {
+        sources_(s.sources()),
+        steps_{view_,          {s.x.data(), s.m, 1}, {s.y.data(), n, 1},
+               sources_.drift, sources_.g,           sources_.growth_drift} {
     for (Index i = 0; i < s.m; ++i) part_[i] = std::cos(1.0 + 2.399963 * double(i));
     view_.part = part_;
   }
@@ -176,18 +168,17 @@ class Run {
 
   // As a single solve takes the step.
   bool take_singly(Index l, Index j, const Lanes* from, Lanes* to, Lanes* ys, Lanes* regular) {
-    host::StageSteps* steps = s_.steps_of(l);
-    if (!steps) return false;
+    host::StageSteps& steps = s_.steps_of(l);
     Vector x(s_.m), next(s_.m), y(n);
     for (Index i = 0; i < s_.m; ++i) x[i] = from[i][l];
     for (Index i = 0; i < n; ++i) y[i] = s_.y[std::size_t((j - 1) * n + i)][l];
-    if (j == 1) steps->start(x, y, s_.plan(l).N * x);
+    if (j == 1) steps.start(x, y, s_.plan(l).N * x);
     for (Index i = 0; i < n; ++i) {
-      if (j > 1) steps->touching[std::size_t(i)] = y[i] > 0;
-      steps->regular[i] = regular[i][l];
+      if (j > 1) steps.touching[std::size_t(i)] = y[i] > 0;
+      steps.regular[i] = regular[i][l];
     }
     MarchReport report;
-    const host::Stepper* used = steps->take(x, j, next, report);
+    const host::Stepper* used = steps.take(x, j, next, report);
     if (!used) return false;
     const Vector end = used->last_stage();
     for (Index i = 0; i < s_.m; ++i) to[i][l] = next[i];
@@ -200,7 +191,7 @@ class Run {
 
   void check() {
     Lanes largest_x[most_lane_states];
-    s_.residual = steps_.check_rows(at_points_, largest_x, s_.lost);
+    s_.residual = steps_.check_rows(sources_.at_points, largest_x, s_.lost);
     if (!simd::any(~s_.lost)) return;
     LaneProblem problem;
     problem.longest = [&](Index l, unsigned set) { return s_.plan(l).longest(set); };
@@ -211,18 +202,17 @@ class Run {
     for (Index l = 0; l < s_.used; ++l) looks |= s_.plan(l).euler && !s_.lost[l] && !s_.other[l];
     if (!looks) return;
     tables_.add_euler(s_);
-    const Source<Lanes> f = source_of(s_, &LaneSources::f, s_.own.f, s_.m);
     LaneMask known = s_.other;
     for (Index l = 0; l < simd::lanes; ++l)
       if (!s_.plan(l).euler) known[l] = -1;
-    steps_.check_others(tables_.seen.data(), tables_.V.data(), at_points_, f, known, s_.lost);
+    steps_.check_others(tables_.seen.data(), tables_.V.data(), sources_.at_points, sources_.f, known, s_.lost);
   }
 
   LaneState& s_;
   const LanePlan& p_;
   Tables<C> tables_;
-  Matrices<C> view_;
-  Source<Lanes> g_, drift_, at_points_, growth_drift_;
+  Matrices<const C*> view_;
+  LaneState::Sources sources_;
   Steps steps_;
   double part_[most_lane_states];
 };

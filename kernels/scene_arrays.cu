@@ -162,7 +162,7 @@ class DeviceSceneArrays final : public SceneArrays {
       keep(from->V, to->V), keep(from->rows, to->rows), keep(from->columns, to->columns);
       to->all_solutions = from->all_solutions;
     }
-    scene_steps::Matrices<double>& rows = checks_.rows;
+    scene_steps::Matrices<const double*>& rows = checks_.rows;
     keep(t.growth_G, rows.growth_G), keep(t.size_of_E, rows.size_of_E), keep(t.size_of_R, rows.size_of_R);
     keep(t.part, rows.part), keep(t.ones, rows.y_unit), keep(t.zeros, checks_.zeros);
     if (p.longest.size() > 0) keep(p.longest, checks_.longest);

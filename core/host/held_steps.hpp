@@ -27,7 +27,7 @@ struct HeldMatrices {
   double h = 0;
   const double *E = nullptr, *L = nullptr, *R = nullptr, *B = nullptr, *N = nullptr, *M = nullptr;
   const double *left = nullptr, *right = nullptr;
-  Sets steps{}, start{};
+  Sets<> steps{}, start{};
 };
 
 /// A table of one scene: row j at base + j width. Null: none.
@@ -74,7 +74,7 @@ struct HeldState {
 
 /// What solutions are checked by (Steps): `rows` are their matrices, with y_unit and w_unit of ones.
 struct HeldChecks {
-  Matrices<double> rows;
+  Matrices<const double*> rows;
   const double* longest = nullptr;  ///< 2^n; null: solutions are not checked
   const double* zeros = nullptr;    ///< m and n
 };
@@ -136,7 +136,7 @@ struct HeldSteps {
 
   /// Row 0 of y solves the problem of M at x0.
   constexpr void solve(const double* x0, const HeldRows& y, HeldState& state) const {
-    StoredProblem first{s.start, nullptr}, next{s.steps, nullptr};
+    StoredProblem<> first{s.start, nullptr}, next{s.steps, nullptr};
     double x[room], u[room], q[n];
     copy(x0, m(), x);
     first_problem(x, q);
@@ -198,7 +198,7 @@ struct HeldSteps {
   // x_j and w_j, with the loop closed by the change of y that would make w vanish where y acts. Returns its norm.
   constexpr double follow_step(Index j, const HeldGiven& y, const HeldRows& x, const HeldRows& w,
                                HeldState& state) const {
-    StoredProblem problem{j > 0 ? s.steps : s.start, nullptr};
+    StoredProblem<> problem{j > 0 ? s.steps : s.start, nullptr};
     problem.set = set_of(y(j));
     if (!problem.template usable<n>()) {
       state.verdict = HeldState::undetermined;
@@ -246,11 +246,11 @@ struct HeldSteps {
     const Source<double> given =
         g ? Source<double>{nullptr, g.base, n, 1} : Source<double>{checks.zeros, nullptr, 0, 1};
     const Source<double> own{nullptr, drift.base, m(), 1};
-    const Steps<fixed, n, double, double> rows{checks.rows, {x.base, m(), 1}, {y.base, n, 1}, own, given, own};
+    const Steps<fixed, n, double, const double*> rows{checks.rows, {x.base, m(), 1}, {y.base, n, 1}, own, given, own};
     double largest_x[fixed > 0 ? fixed : most_states];
     rows.check_rows(given, largest_x, state.doubtful);
     if (state.doubtful) return;
-    StoredProblem growth{s.steps, checks.longest};
+    StoredProblem<> growth{s.steps, checks.longest};
     rows.check_growth(growth, largest_x, state.doubtful);
   }
 
@@ -291,7 +291,7 @@ struct HeldSteps {
     double direct[room], direct_before[room] = {}, fixed_terms[n], moved[n];
     bool decided = true;
     for (Index j = 0; j <= s.J; ++j) {
-      StoredProblem problem{j > 0 ? s.steps : s.start, nullptr};
+      StoredProblem<> problem{j > 0 ? s.steps : s.start, nullptr};
       problem.set = set_of(y(j));
       copy(c.f ? c.f(j) : nullptr, m(), direct);
       copy(c.g ? c.g(j) : nullptr, n, fixed_terms);
@@ -370,7 +370,7 @@ struct HeldSteps {
     bool decided = true;
     for (Index j = s.J; j >= 0; --j) {
       double p[room], back[room], of_u[room] = {}, eta[n], mu[n], of_w[n];
-      StoredProblem problem{j > 0 ? s.steps : s.start, nullptr};
+      StoredProblem<> problem{j > 0 ? s.steps : s.start, nullptr};
       problem.set = set_of(y(j));
       copy(of.w ? of.w(j) : nullptr, n, of_w);
       copy(of.x ? of.x(j) : nullptr, m(), p);

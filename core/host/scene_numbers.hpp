@@ -34,27 +34,51 @@ struct Rows {
   constexpr Number& operator()(Index j, Index i) const { return base[(j * width + i) * apart]; }
 };
 
-/// The same of a source: numbers that all scenes share, or own ones.
-template <class Number>
+/// The table of one of many scenes, whose entries lie side by side.
+struct Strided {
+  const double* base = nullptr;
+  Index apart = 1;
+  constexpr const double& operator[](Index k) const { return base[k * apart]; }
+  constexpr Strided operator+(Index k) const { return {base + k * apart, apart}; }
+};
+
+/// What scenes with maps of their own make of samples that all share: scale_i (sample of component i) + (map row i) times
+/// the samples that drive it.
+template <class Table>
+struct SourceMap {
+  Table map{};    ///< width x length
+  Table scale{};  ///< width, where `scaled`
+  const double* samples = nullptr;
+  Index length = 0;
+  bool scaled = false;
+};
+
+/// The same of a source: numbers that all scenes share, own ones, or those of a map of their own.
+template <class Number, class Table = const Number*>
 struct Source {
-  const double* shared;
+  const double* shared;  ///< null: none
   const Number* own;
   Index width, apart;
+  SourceMap<Table> by{};
   constexpr Number operator()(Index j, Index i) const {
-    return own ? own[(j * width + i) * apart] : Arithmetic<Number>::all(shared[j * width + i]);
+    if (own) return own[(j * width + i) * apart];
+    Number sum = Arithmetic<Number>::all(shared ? shared[j * width + i] : 0);
+    if (by.scaled) sum *= by.scale[i];
+    for (Index k = 0; k < by.length; ++k) sum += by.map[i * by.length + k] * by.samples[j * by.length + k];
+    return sum;
   }
 };
 
-/// Matrices row by row, of doubles if the scenes share them, otherwise of Numbers.
-template <class C>
+/// Matrices row by row, in tables of doubles if the scenes share them, otherwise of Numbers.
+template <class Table>
 struct Matrices {
   Index m = 0, J = 0;
   double h = 0;
-  const C *E = nullptr, *L = nullptr, *R = nullptr, *N = nullptr, *M = nullptr, *B = nullptr;
+  Table E{}, L{}, R{}, N{}, M{}, B{};
   /// Of the rule by which perturbations grow: its step, E R + L, |E| and |R|.
-  const C *growth_E = nullptr, *growth_G = nullptr, *size_of_E = nullptr, *size_of_R = nullptr;
-  const double* part = nullptr;                  ///< m: of each state in the first perturbation
-  const C *y_unit = nullptr, *w_unit = nullptr;  ///< n: of y and w in the units of the scene
+  Table growth_E{}, growth_G{}, size_of_E{}, size_of_R{};
+  const double* part = nullptr;  ///< m: of each state in the first perturbation
+  Table y_unit{}, w_unit{};      ///< n: of y and w in the units of the scene
   bool surely_P = false, stages = false;
   double most_growth = 50;
 };

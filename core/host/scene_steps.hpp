@@ -17,22 +17,25 @@
 //            Problem                              solves LCP(q) by stored inverses on active sets
 //
 // A `Problem` has solve<n>(q, y, lost) and try_stages<2n>(q, Y, uncertain); take<n>(y, lost), which takes the active
-// set of a row; respond<n>(v, u), u = V v on that set; limit(), the number of steps that a set may last.
+// set of a row; respond<n>(v, u), u = V v on that set; lasts(run, lost), which knows for how long that set may last.
 
 #include "scene_numbers.hpp"
 
+#include <type_traits>
+
 namespace bromwich::scene_steps {
 
-/// `fixed`: m where it is known to the compiler, otherwise 0.
-template <Index fixed, Index n, class Number, class C>
+/// `fixed`: m where it is known to the compiler, otherwise 0. `Table`: of the matrices.
+template <Index fixed, Index n, class Number, class Table>
 struct Steps {
   using A = Arithmetic<Number>;
   using Mask = typename A::Mask;
+  using Given = Source<Number, std::conditional_t<std::is_same_v<Table, const double*>, const Number*, Table>>;
   static constexpr Index room = fixed > 0 ? fixed : most_states;
 
-  const Matrices<C>& s;
+  const Matrices<Table>& s;
   Rows<Number> x, y;
-  Source<Number> drift, g, growth_drift;
+  Given drift, g, growth_drift;
   constexpr Index m() const { return fixed > 0 ? fixed : s.m; }
 
   static constexpr Number none() { return A::all(0); }
@@ -41,7 +44,7 @@ struct Steps {
   // ---- Continuous y.
 
   template <class Problem>
-  constexpr void step(const C* E, const C* L, const C* R, const Number* d, const Number* given, const Number* x_from,
+  constexpr void step(Table E, Table L, Table R, const Number* d, const Number* given, const Number* x_from,
                       const Number* y_from, Number* x_to, Number* y_to, Problem& problem, Mask& lost) const {
     Number free[room], q[n];
     for (Index i = 0; i < m(); ++i) {
@@ -158,7 +161,7 @@ struct Steps {
   // ---- Checks. `source`: g of the rows, n entries.
 
   /// Residual in the units of the scene, and lanes lost by the residual or by an alternating y.
-  constexpr Number check_rows(const Source<Number>& source, Number* largest_x, Mask& lost) const {
+  constexpr Number check_rows(const Given& source, Number* largest_x, Mask& lost) const {
     Number largest_y[n], before[n], run[n], worst = none(), reported = none(), finite = none(), longest = none();
     for (Index i = 0; i < n; ++i) largest_y[i] = before[i] = run[i] = none();
     for (Index i = 0; i < m(); ++i) largest_x[i] = none();
@@ -214,7 +217,7 @@ struct Steps {
       }
       if (j == 1 || A::any(changed)) problem.template take<n>(yj, lost);
       run = A::select(changed, A::all(1), run + 1);
-      lost |= run > problem.limit();
+      problem.lasts(run, lost);
       growth.take(perturb(problem, j, xj, yj, p), first, p.dz, m());
       if (s.surely_P && A::any(changed)) {
         if (j < s.J) impulse2 = A::select(changed, A::max(impulse2, impulse_of(yj, p.inverse)), impulse2);
@@ -232,8 +235,7 @@ struct Steps {
   /// Whether a step of implicit Euler has two solutions, or nearly so, at the rows where
   /// core/accuracy/other_solution.cpp looks. V: n x n, of all active sets one after the other; `seen`: n x m, N (I -
   /// hA)^{-1}. Lanes in `known` are not checked.
-  constexpr void check_others(const C* seen, const C* V, const Source<Number>& source, const Source<Number>& f,
-                              Mask known, Mask& lost) const {
+  constexpr void check_others(Table seen, Table V, const Given& source, const Given& f, Mask known, Mask& lost) const {
     constexpr Index most_rows = 24;
     const Index stride = s.J / (most_rows / 2) > 1 ? s.J / (most_rows / 2) : 1;
     Number changes = none();
@@ -345,8 +347,7 @@ struct Steps {
     return s.h * s.h * sum;
   }
 
-  constexpr Mask several(Index j, const C* seen, const C* V, const Source<Number>& source,
-                         const Source<Number>& f) const {
+  constexpr Mask several(Index j, Table seen, Table V, const Given& source, const Given& f) const {
     constexpr double loose = 1e-8, apart = 5e-7;
     Number q[n], from[room], solution[n];
     for (Index k = 0; k < m(); ++k) from[k] = x(j - 1, k) + s.h * f(j, k);
@@ -357,7 +358,7 @@ struct Steps {
     }
     Mask found = no_lane(), two = found;
     for (Index set = 0; set < Index(1) << n; ++set) {
-      const C* v = V + set * n * n;
+      const Table v = V + set * n * n;
       Number value[n];
       Mask may = A::no(no_lane());
       for (Index i = 0; i < n; ++i) {

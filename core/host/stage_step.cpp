@@ -37,24 +37,27 @@ DenseStageMaps dense_maps(const StageProblem& p, const DenseDynamics& d, double 
   const auto inverse = regular_inverse(ScalarMatrix(c.mu / h * ScalarMatrix::Identity(m, m) - d.A.cast<Scalar>()));
   if (!inverse) singular_step();
   const ScalarMatrix& R = *inverse;
-  DenseStageMaps maps{{}, Matrix(s * n, m), Matrix(m, s * n), Matrix(s * n, s * n), last_stages(p.g, p.stages, s, rows),
-                      {}};
   const Matrix F = p.F;
-  const RowMatrix phi = last_stages(p.phi, p.stages, s, rows);
-  if (phi.size() > 0) maps.forcing = RowMatrix::Zero(phi.rows(), m);
+  const Index k = F.cols();
+  DenseStageMaps maps{{}, Matrix(s * n, m), Matrix(m, s * n),     Matrix(s * n, s * n),
+                      Matrix(m, s * k), Matrix(s * n, s * k),     last_stages(p.g, p.stages, s, rows), {}};
   for (Index i = 0; i < s; ++i) {
     maps.decay = c.real(c.v[i] * c.start / h * R);  // of the last stage after the loop
     maps.see.middleRows(i * n, n) = d.N * maps.decay;
-    for (Index k = 0; k < s; ++k) {
-      const Matrix Q = c.real(c.v[i] * c.w[k] * R), QB = Q * d.B;
-      maps.implicit.block(i * n, k * n, n, n) = d.N * QB;
-      if (i == s - 1) maps.drive.middleCols(k * n, n) = QB;
-      if (phi.size() == 0) continue;
+    for (Index j = 0; j < s; ++j) {
+      const Matrix Q = c.real(c.v[i] * c.w[j] * R), QB = Q * d.B;
+      maps.implicit.block(i * n, j * n, n, n) = d.N * QB;
+      if (i == s - 1) maps.drive.middleCols(j * n, n) = QB;
+      if (k == 0) continue;
       const Matrix QF = Q * F;
-      maps.q.middleCols(i * n, n) += phi.middleCols(k * F.cols(), F.cols()) * (d.N * QF).transpose();
-      if (i == s - 1) maps.forcing += phi.middleCols(k * F.cols(), F.cols()) * QF.transpose();
+      maps.seen_push.block(i * n, j * k, n, k) = d.N * QF;
+      if (i == s - 1) maps.push.middleCols(j * k, k) = QF;
     }
   }
+  const RowMatrix phi = last_stages(p.phi, p.stages, s, rows);
+  if (phi.size() == 0) return maps;
+  maps.q += phi * maps.seen_push.transpose();
+  maps.forcing = phi * maps.push.transpose();
   return maps;
 }
 

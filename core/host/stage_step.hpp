@@ -22,6 +22,7 @@ namespace bromwich::host {
 /// implicit.
 struct DenseStageMaps {
   Matrix decay, see, drive, implicit;  ///< m x m, s n x m, m x s n, s n x s n
+  Matrix push, seen_push;              ///< m x s k and s n x s k, of phi at the stages; empty without F
   RowMatrix q, forcing;                ///< rows x s n and x m; forcing is empty without f
 };
 

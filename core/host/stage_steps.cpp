@@ -35,15 +35,14 @@ StageSteps::StageSteps(const StageProblem& p)
   }
   B_ = (*p.dynamics)->rates_of_inputs(p.h);
   if (p.poles) NB_ = (*p.dynamics)->outputs() * B_;
-  rigid_ = rigid_constraints((*p.dynamics)->outputs());
+  rigid_ = rigid_constraints((*p.dynamics)->outputs(), B_, to_dense(*p.M));
 }
 
-std::vector<bool> StageSteps::rigid_constraints(const SparseMatrix& N) const {
-  const Matrix M = to_dense(*problem_.M);
+std::vector<bool> StageSteps::rigid_constraints(const SparseMatrix& N, const SparseMatrix& B, const Matrix& M) {
   const Eigen::SparseMatrix<double, Eigen::RowMajor> rows = N;
   std::vector<bool> rigid(std::size_t(M.rows()));
   for (Index i = 0; i < M.rows(); ++i) {
-    const double first = rows.row(i).dot(B_.col(i)), terms = rows.row(i).cwiseAbs().dot(B_.col(i).cwiseAbs());
+    const double first = rows.row(i).dot(B.col(i)), terms = rows.row(i).cwiseAbs().dot(B.col(i).cwiseAbs());
     rigid[std::size_t(i)] = M(i, i) == 0 && std::abs(first) <= negligible * terms;
   }
   return rigid;

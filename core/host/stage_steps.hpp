@@ -32,6 +32,7 @@ class StageSteps {
   /// Position constraints with M_ii = 0, where y_i acts on the second or a higher derivative of w_i. With M_ii > 0 a
   /// contact is a spring, which throws back.
   const std::vector<bool>& rigid() const { return rigid_; }
+  static std::vector<bool> rigid_constraints(const SparseMatrix& N, const SparseMatrix& B, const Matrix& M);
 
   std::vector<bool> touching;  ///< y_i > 0 at the end of the last step, or w_i(0) = 0
   Vector regular;              ///< largest y_i at the ends of steps without jumps
@@ -54,7 +55,6 @@ class StageSteps {
   bool impacts(const Stepper&) const;
   bool jumps(const Stepper&, double h, const Vector& before, const Vector& after) const;
   bool moves(const Vector& y, const Stepper&, double h, const Vector& before, const Vector& after) const;
-  std::vector<bool> rigid_constraints(const SparseMatrix& N) const;
   Stepper& stepper(Index stages, std::size_t kind);
 
   const StageProblem& problem_;

@@ -8,21 +8,34 @@
 
 namespace bromwich::scene_steps {
 
-/// StoredSets (core/seam/scene_march.hpp) where they are used.
+/// StoredSets (core/seam/scene_march.hpp) where they are used, in tables that scenes share or each has.
+template <class Table = const double*>
 struct Sets {
-  const double *V, *rows, *columns;
-  bool all_solutions;
+  Table V{}, rows{}, columns{};
+  bool all_solutions = true;
+};
+
+/// Steps that active sets have lasted at most, of one of many scenes.
+struct LongestRuns {
+  int* base = nullptr;  ///< null: they are not kept
+  Index apart = 1;
+  constexpr void take(unsigned set, double run) const {
+    int& longest = base[Index(set) * apart];
+    longest = int(run) > longest ? int(run) : longest;
+  }
 };
 
 /// The problem of a scene, which keeps its active set from step to step.
+template <class Table = const double*>
 struct StoredProblem {
-  Sets sets;
-  const double* longest;  ///< null: no limits
+  Sets<Table> sets;
+  const double* longest = nullptr;  ///< null: no limits
   unsigned set = 0;
+  LongestRuns runs{};
 
   template <Index u>
   constexpr double row_times(const double* q, Index i) const {
-    const double* v = sets.V + (Index(set) * u + i) * u;
+    const Table v = sets.V + (Index(set) * u + i) * u;
     double sum = 0;
     for (Index k = 0; k < u; ++k) sum += v[k] * q[k];
     return sum;
@@ -39,7 +52,7 @@ struct StoredProblem {
     for (int sweep = 0; sweep < 12 + int(u); ++sweep) {
       if (!usable<u>()) return false;
       unsigned flips = 0;
-      const double* v = sets.V + Index(set) * u * u;
+      const Table v = sets.V + Index(set) * u * u;
       for (Index i = 0; i < u; ++i) {
         double sum = 0, terms = 0;
         for (Index k = 0; k < u; ++k) {
@@ -116,14 +129,18 @@ struct StoredProblem {
     for (Index i = 0; i < u; ++i) mu[i] = 0;
     for (Index k = 0; k < u; ++k) {
       if (!active(k)) continue;
-      const double* v = sets.V + (Index(set) * u + k) * u;
+      const Table v = sets.V + (Index(set) * u + k) * u;
       const double weight = sets.columns[k] * eta[k];
       for (Index i = 0; i < u; ++i)
         if (active(i)) mu[i] -= v[i] * weight;
     }
   }
 
-  constexpr double limit() const { return longest[set]; }
+  /// The set has lasted for `run` steps.
+  constexpr void lasts(double run, bool& lost) const {
+    if (longest && run > longest[set]) lost = true;
+    if (runs.base) runs.take(set, run);
+  }
 };
 
 }  // namespace bromwich::scene_steps

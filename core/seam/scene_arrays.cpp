@@ -58,7 +58,7 @@ class Written {
   RowMatrix copy_;
 };
 
-Sets sets_of(const StoredSets& s) { return {s.V.data(), s.rows.data(), s.columns.data(), s.all_solutions}; }
+Sets<> sets_of(const StoredSets& s) { return {s.V.data(), s.rows.data(), s.columns.data(), s.all_solutions}; }
 
 class HostSceneArrays final : public SceneArrays {
  public:
@@ -78,7 +78,7 @@ class HostSceneArrays final : public SceneArrays {
           tables_.right.data(),
           sets_of(p_.steps),
           sets_of(p_.start)};
-    Matrices<double>& rows = checks_.rows;
+    Matrices<const double*>& rows = checks_.rows;
     rows.m = p_.m, rows.J = p_.J, rows.h = p_.h, rows.most_growth = p_.most_growth;
     rows.E = rows.growth_E = p_.E.data(), rows.L = tables_.left.data(), rows.R = tables_.right.data();
     rows.N = p_.N.data(), rows.M = p_.M.data(), rows.B = p_.B.data();
