@@ -1,8 +1,7 @@
 #include "batch/active_set_table.hpp"
 
-#include "batch/short_inverse.hpp"
+#include "core/host/set_map.hpp"
 #include "core/lcp/other_solutions.hpp"
-#include "core/lcp/pivots.hpp"
 
 #include <Eigen/LU>
 
@@ -11,17 +10,10 @@
 
 namespace bromwich {
 
-namespace {
-
-constexpr double least_condition = 1e-7;  ///< reciprocal, of scaled blocks: y keeps nine digits beyond it
-constexpr double most_inverse = 1e3;      ///< entries of V in scaled units, as those that ActiveSetLcp does not refine
-
-}  // namespace
-
 ActiveSetTable::ActiveSetTable(const Matrix& M, const Matrix* least_of)
     : M_(M),
       judged_(least_of != nullptr),
-      least_of_(least_of ? *least_of : Matrix()),
+      least_of_(least_of ? RowMatrix(*least_of) : RowMatrix()),
       scale_(equilibrate(M)),
       scaled_(scaled(M, scale_)),
       entries_(std::size_t(1) << M.rows()),
@@ -40,26 +32,9 @@ const ActiveSetTable::Entry& ActiveSetTable::at(unsigned set) const {
 }
 
 void ActiveSetTable::make(unsigned set, Entry& entry) const {
-  const Index n = size();
-  const unsigned rest = ~set & ((1u << n) - 1);
-  ShortMatrix V = ShortMatrix::Zero(n, n), inverse;
-  if (set != 0) {
-    if (!(invert(short_block(scaled_, set, set), inverse) > least_condition)) return;
-    if (judged_ && !has_positive_pivots(Matrix(short_block(least_of_, set, set)))) return;
-  }
-  const ShortMatrix of_rest =
-      set != 0 && rest != 0 ? ShortMatrix(short_block(scaled_, rest, set).lazyProduct(inverse)) : ShortMatrix();
-  for (Index i = 0, s = 0, r = 0; i < n; ++i) {
-    const bool active = set >> i & 1u;
-    for (Index j = 0, c = 0; j < n; ++j)
-      if (set >> j & 1u) V(i, j) = active ? -inverse(s, c++) : -of_rest(r, c++);
-    if (!active) V(i, i) = 1;
-    ++(active ? s : r);
-  }
-  if (!V.allFinite() || V.cwiseAbs().maxCoeff() > most_inverse) return;
-  for (Index i = 0; i < n; ++i)
-    for (Index j = 0; j < n; ++j) entry.V[std::size_t(i * n + j)] = V(i, j) * scale_.rows[j];
-  entry.usable = true;
+  if (judged_ && !scene_steps::set_has_positive_pivots(size(), set, least_of_.data())) return;
+  entry.usable = scene_steps::map_of_set(size(), set, scaled_.data(), scale_.rows.data(),
+                                         [&](Index k) -> double& { return entry.V[std::size_t(k)]; });
 }
 
 bool ActiveSetTable::solve(const double* q, unsigned& set, double* value) const {

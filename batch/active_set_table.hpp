@@ -32,8 +32,11 @@ class ActiveSetTable {
   const Entry& at(unsigned set) const;
   Index size() const { return M_.rows(); }
   const Matrix& matrix() const { return M_; }
+  const RowMatrix& scaled_matrix() const { return scaled_; }  ///< R M C
   double row_scale(Index i) const { return scale_.rows[i]; }
   double column_scale(Index i) const { return scale_.columns[i]; }
+  const Vector& row_scales() const { return scale_.rows; }
+  const Vector& column_scales() const { return scale_.columns; }
 
   /// Semismooth Newton from `set`, which it changes. `value` gets (y_S, w_I), n numbers in scaled units. False where it
   /// meets a set that is not usable or comes back to one.
@@ -44,9 +47,9 @@ class ActiveSetTable {
 
   Matrix M_;
   bool judged_;
-  Matrix least_of_;
+  RowMatrix least_of_;
   Equilibration scale_;
-  Matrix scaled_;
+  RowMatrix scaled_;
   mutable std::mutex mutex_;
   mutable std::vector<std::unique_ptr<Entry>> entries_;
   mutable std::vector<std::atomic<const Entry*>> ready_;

@@ -12,81 +12,133 @@ namespace bromwich {
 namespace {
 
 constexpr Index fewest_on_device = 32;  ///< scenes of a group, a warp
+constexpr double share_of_memory = 0.25;
+
+// Of results, of plans and of the maps of active sets.
+double bytes_of_scene(const SceneMarchProblem& p) {
+  const scene_steps::PlanLayout& l = p.layout;
+  const double rows = 4.0 * double(p.J + 1) * double(l.m + l.n);
+  if (p.plan.size() > 0) return sizeof(double) * rows;
+  const double maps = double(l.sets() * l.unknowns() * l.unknowns() + (l.stages ? (l.n * l.n) << l.n : 0));
+  return sizeof(double) * (rows + 2 * double(l.at(scene_steps::PlanTable::count)) + maps);
+}
+
+// Whether active sets have lasted longer than the steps resolve (LanePlan::longest). Scenes that share a plan share
+// what is known of its sets.
+class RunLimits {
+ public:
+  explicit RunLimits(Index n) : known_(std::size_t(1) << n, NAN) {}
+  bool exceeded(const LanePlan& plan, const int* runs) {
+    if (plan_ != &plan) known_.assign(known_.size(), NAN);
+    plan_ = &plan;
+    for (std::size_t set = 0; set < known_.size(); ++set) {
+      if (runs[set] == 0) continue;
+      if (std::isnan(known_[set])) known_[set] = plan.longest(unsigned(set));
+      if (double(runs[set]) > known_[set]) return true;
+    }
+    return false;
+  }
+
+ private:
+  const LanePlan* plan_ = nullptr;
+  std::vector<double> known_;
+};
 
 }  // namespace
 
-// On a backend that steps many scenes at a time. Returns those that it has not settled.
+bool BatchRun::marches_on_device(const LanePlan& plan, Index scenes) const {
+  return backend_.fused().scene_march && plan.parts.empty() && scenes >= fewest_on_device;
+}
+
+// Scenes that share a plan. Returns those that it has not settled.
 std::vector<Index> BatchRun::march_on_device(const LanePlan& plan, const std::vector<Index>& group) {
-  const auto& scene_march = backend_.fused().scene_march;
-  if (!scene_march || own_sources_ || !plan.parts.empty() || Index(group.size()) < fewest_on_device) return group;
-  const double each = 32.0 * double(J_ + 1) * double(plan.m + plan.n);
-  const Index together = std::clamp<Index>(Index(0.25 * backend_.device().memory / each), 1, Index(group.size()));
-  const std::unique_ptr<SceneMarch> march = scene_march(scene_march_problem(plan), together);
-  if (!march) return group;
-  const Vector g0 = (plan.stages ? plan.sources.at_points : plan.sources.g).row(0).transpose();
+  if (own_sources_ || !marches_on_device(plan, Index(group.size()))) return group;
+  std::vector<Prepared> scenes(group.size());
+  std::vector<char> good(group.size(), 0);
+  backend_.each_range(Index(group.size()), 64, [&](Index begin, Index end) {
+    for (std::size_t i = std::size_t(begin); i < std::size_t(end); ++i) {
+      scenes[i].scene = group[i];
+      good[i] = input_of(plan, group[i], scenes[i].input);
+    }
+  });
   std::vector<Index> rest;
+  std::vector<Prepared> taken;
+  for (std::size_t i = 0; i < scenes.size(); ++i)
+    good[i] ? taken.push_back(std::move(scenes[i])) : rest.push_back(group[i]);
+  for (const Prepared& left : march_on_device(shared_march_problem(plan), taken)) rest.push_back(left.scene);
+  return rest;
+}
+
+// The same of scenes with plans of their own, of one kind.
+std::vector<BatchRun::Prepared> BatchRun::march_own_on_device(const std::vector<Prepared>& scenes) {
+  const LaneInput& first = scenes.front().input;
+  if (!first.samples || first.plan->euler || !marches_on_device(*first.plan, Index(scenes.size()))) return scenes;
+  SceneMarchProblem problem = own_march_problem(*first.plan, *first.samples);
+  for (const Prepared& scene : scenes) problem.rigid |= scene.input.plan->rigid;
+  return march_on_device(problem, scenes);
+}
+
+std::vector<BatchRun::Prepared> BatchRun::march_on_device(const SceneMarchProblem& problem,
+                                                          const std::vector<Prepared>& all) {
+  const Index most = Index(share_of_memory * backend_.device().memory / bytes_of_scene(problem));
+  const Index together = std::clamp<Index>(most, 1, std::max<Index>(1, Index(all.size())));
+  const std::unique_ptr<SceneMarch> march = all.empty() ? nullptr : backend_.fused().scene_march(problem, together);
+  if (!march) return all;
+  std::vector<Prepared> rest;
   RowMatrix x, y;
-  for (Index first = 0; first < Index(group.size()) && !stopped_; first += together) {
-    const DeviceStarts starts =
-        starts_of(plan, &group[std::size_t(first)], std::min(together, Index(group.size()) - first), g0, rest);
-    const std::vector<Index>& scenes = starts.scenes;
-    const Index count = Index(scenes.size());
-    if (count == 0) continue;
-    const bool whole = count == batch_.scenes && scenes.front() == 0;  // in order, without a gap
-    march->start(starts.x0, starts.y0, starts.other);
+  for (Index first = 0; first < Index(all.size()) && !stopped_; first += together) {
+    const Prepared* const scenes = &all[std::size_t(first)];
+    const Index count = std::min(together, Index(all.size()) - first);
+    const bool whole = count == batch_.scenes && scenes[0].scene == 0;  // in order, without a gap
+    const DeviceStarts starts = starts_of(problem, scenes, count);
+    march->start(starts.x0, starts.y0, starts.other, starts.plans);
     touch_.reset();
     download_rows(*march, whole, y, x);
     const SceneMarchOutcome outcome = march->outcome();
-    Index settled = 0;
+    const Index sets = Index(1) << problem.layout.n;
+    std::vector<char> settled(std::size_t(count), 0);
+    backend_.each_range(count, 64, [&](Index begin, Index end) {
+      RunLimits limits(problem.layout.n);
+      for (Index i = begin; i < end; ++i) {
+        const Prepared& scene = scenes[i];
+        settled[std::size_t(i)] = outcome.settled[std::size_t(i)] && starts.found[std::size_t(i)] &&
+                                  !limits.exceeded(*scene.input.plan, &outcome.runs[std::size_t(i * sets)]);
+        if (settled[std::size_t(i)]) keep_rows(scene.input, scene.scene, i, whole, y, x);
+      }
+    });
+    Index more = 0;
     for (Index i = 0; i < count; ++i) {
-      const Index k = scenes[std::size_t(i)];
-      if (!outcome.settled[std::size_t(i)] || !starts.found[std::size_t(i)]) {
-        rest.push_back(k);
+      const auto at = std::size_t(i);
+      if (!settled[at]) {
+        rest.push_back(scenes[i]);
         continue;
       }
-      settle(k, outcome.residual[i], starts.other[std::size_t(i)] != 0);
-      ++settled;
+      settle(scenes[i].scene, outcome.residual[i], starts.other[at] != 0);
+      ++more;
     }
-    backend_.each_range(count, 64, [&](Index begin, Index end) {
-      for (Index i = begin; i < end; ++i)
-        if (done_[std::size_t(scenes[std::size_t(i)])]) keep_rows(plan, scenes[std::size_t(i)], i, whole, y, x);
-    });
-    result_.in_lanes += settled;
-    say(settled);
+    result_.in_lanes += more;
+    say(more);
   }
   return rest;
 }
 
-// Where scenes begin, on all threads. Those that a single solve has to look at are added to `rest`.
-BatchRun::DeviceStarts BatchRun::starts_of(const LanePlan& plan, const Index* group, Index count, const Vector& g0,
-                                           std::vector<Index>& rest) const {
-  RowMatrix x0(count, plan.m), y0(count, plan.n);
-  std::vector<char> good(std::size_t(count), 0), found = good, other = good;
+// Where scenes begin, and their plans where each has its own, on all threads.
+BatchRun::DeviceStarts BatchRun::starts_of(const SceneMarchProblem& p, const Prepared* scenes, Index count) const {
+  const bool own = p.plan.size() == 0;
+  const std::size_t K = std::size_t(count);
+  DeviceStarts starts{RowMatrix(count, p.layout.m), RowMatrix(count, p.layout.n),
+                      RowMatrix(own ? count : 0, own ? p.layout.at(scene_steps::PlanTable::count) : 0),
+                      std::vector<char>(K), std::vector<char>(K)};
   backend_.each_range(count, 64, [&](Index begin, Index end) {
     for (Index i = begin; i < end; ++i) {
-      LaneInput input;
-      if (!input_of(plan, group[i], input)) continue;
-      const LaneStart start = plan.start(input.x0, g0);
-      x0.row(i) = input.x0.transpose();
-      y0.row(i) = start.y.transpose();
-      good[std::size_t(i)] = 1, found[std::size_t(i)] = start.found, other[std::size_t(i)] = start.other;
+      const LaneInput& input = scenes[i].input;
+      const LaneStart start = input.plan->start(input.x0, input.g_at(0));
+      starts.x0.row(i) = input.x0.transpose();
+      starts.y0.row(i) = start.y.transpose();
+      if (own) write_plan(*input.plan, p.layout, starts.plans.row(i).data());
+      starts.found[std::size_t(i)] = start.found, starts.other[std::size_t(i)] = start.other;
     }
   });
-  DeviceStarts starts;
-  for (Index i = 0; i < count; ++i) {
-    if (!good[std::size_t(i)]) {
-      rest.push_back(group[i]);
-      continue;
-    }
-    const Index to = Index(starts.scenes.size());
-    if (to < i) x0.row(to) = x0.row(i), y0.row(to) = y0.row(i);
-    starts.scenes.push_back(group[i]);
-    starts.found.push_back(found[std::size_t(i)]);
-    starts.other.push_back(other[std::size_t(i)]);
-  }
-  const Index kept = Index(starts.scenes.size());
-  x0.conservativeResize(kept, Eigen::NoChange), y0.conservativeResize(kept, Eigen::NoChange);
-  starts.x0 = std::move(x0), starts.y0 = std::move(y0);
   return starts;
 }
 
@@ -101,19 +153,21 @@ void BatchRun::download_rows(SceneMarch& march, bool whole, RowMatrix& y, RowMat
 }
 
 // Scene k from row i (J+1) of the tables of a device.
-void BatchRun::keep_rows(const LanePlan& plan, Index k, Index i, bool whole, const RowMatrix& y, const RowMatrix& x) {
+void BatchRun::keep_rows(const LaneInput& input, Index k, Index i, bool whole, const RowMatrix& y, const RowMatrix& x) {
   const auto own_y = (whole ? result_.y : y).middleRows(i * rows_, rows_);
   if (!whole) rows_of(result_.y, k) = own_y;
   if (result_.w.size() == 0 && result_.x.size() == 0) return;
   const auto own_x = x.middleRows(i * rows_, rows_);
   if (result_.x.size() > 0) rows_of(result_.x, k) = own_x(Eigen::all, result_.x_components);
   if (result_.w.size() == 0) return;
-  const Scene& scene = batch_.own.empty() ? batch_.common : batch_.own[std::size_t(k)];
-  RowMatrix g = plan.stages ? plan.sources.at_points : plan.sources.g;
-  for (Index c = 0; c < plan.n && !plan.units.trivial(); ++c)
-    for (Index j = 0; j < rows_; ++j) g(j, c) = times_ten_to(plan.units.w[std::size_t(c)], g(j, c));
-  rows_of(result_.w, k) =
-      g + own_x * scene.dynamics->small_state()->N.transpose() + own_y * to_dense(scene.M).transpose();
+  const Scene scene = scene_of(batch_, k);
+  auto w = rows_of(result_.w, k);
+  w = own_x * scene.dynamics->small_state()->N.transpose() + own_y * to_dense(scene.M).transpose();
+  const std::vector<int>& units = input.plan->units.w;
+  for (Index j = 0; j < rows_; ++j) {
+    const Vector g = input.g_at(j);
+    for (Index c = 0; c < g.size(); ++c) w(j, c) += units.empty() ? g[c] : times_ten_to(units[std::size_t(c)], g[c]);
+  }
 }
 
 }  // namespace bromwich

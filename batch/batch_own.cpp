@@ -19,6 +19,8 @@ namespace bromwich {
 
 namespace {
 
+constexpr Index most_plans = Index(1) << 14;  ///< held for a device
+
 // Lanes of one kind can be stepped together.
 using Kind = std::tuple<bool, bool, bool, bool, double, double>;
 Kind kind_of(const LanePlan& p) { return {p.stages, p.surely_P, p.certain, p.euler.has_value(), p.most_growth, p.h}; }
@@ -31,8 +33,8 @@ struct OwnScene {
   std::shared_ptr<const LaneSources> sources;
 };
 
-// Decisions with stages are those of a single solve, made in the natural units of the scene. `sized`: the scene, or with
-// other sources of the same sizes.
+// Decisions with stages are those of a single solve, made in the natural units of the scene. `sized`: the scene, or
+// with other sources of the same sizes.
 void plan_in_own_units(OwnScene& own, const Scene& sized, Backend& backend, Index J) {
   if (!own.plan || !own.plan->stages) return;
   const NaturalUnits units = natural_units(sized);
@@ -44,7 +46,8 @@ void plan_in_own_units(OwnScene& own, const Scene& sized, Backend& backend, Inde
 
 // Scenes that share neither dynamics nor M: a plan each.
 void BatchRun::take_own(const std::vector<Index>& all) {
-  const Index together = scenes_between_polls();
+  const bool on_device = bool(backend_.fused().scene_march);
+  const Index together = on_device ? most_plans : scenes_between_polls();
   std::optional<NaturalUnits> nearby;
   std::optional<SourceSamples> samples;  // where the scenes share f and g
   Scene sizes;                           // has the largest values of f and g as constants
@@ -66,8 +69,7 @@ void BatchRun::take_own(const std::vector<Index>& all) {
       }
     }
     const Index count = Index(scenes.size());
-    const Index length = backend_.traits().one_at_a_time ? 8 : std::max<Index>(1, count);  // a device has one stream
-    share(backend_, count, length, [&](Index begin, Index end) {
+    share(backend_, count, 8, [&](Index begin, Index end) {
       for (Index i = begin; i < end; ++i) try {
           OwnScene& own = scenes[std::size_t(i)];
           std::string why;
@@ -93,7 +95,7 @@ void BatchRun::take_own(const std::vector<Index>& all) {
       } catch (const Error&) {  // the single solve says so
       }
     Index settled = 0;
-    for (const auto& [kind, same] : kinds) settled += march(same);
+    for (const auto& [kind, same] : kinds) settled += march(on_device ? march_own_on_device(same) : same);
     kinds.clear();
     share(backend_, count, 8, [&](Index begin, Index end) {  // freeing takes a while too
       for (Index i = begin; i < end; ++i) scenes[std::size_t(i)].plan.reset();

@@ -32,7 +32,7 @@ class BatchRun {
 
   // A scene and what its lane starts from.
   struct Prepared {
-    Index scene;
+    Index scene = 0;
     LaneInput input;
   };
 
@@ -49,17 +49,18 @@ class BatchRun {
   void march_group(const LanePlan&, const std::vector<Index>& group);
   bool input_of(const LanePlan&, Index k, LaneInput&) const;
   void take_own(const std::vector<Index>& scenes);
-  // Scenes for a device, in order, and their first rows.
+  // Scenes for a device: their first rows and plans.
   struct DeviceStarts {
-    std::vector<Index> scenes;
-    RowMatrix x0, y0;
+    RowMatrix x0, y0, plans;
     std::vector<char> found, other;
   };
-  DeviceStarts starts_of(const LanePlan&, const Index* group, Index count, const Vector& g0,
-                         std::vector<Index>& rest) const;
+  bool marches_on_device(const LanePlan&, Index scenes) const;
+  DeviceStarts starts_of(const SceneMarchProblem&, const Prepared*, Index count) const;
   std::vector<Index> march_on_device(const LanePlan&, const std::vector<Index>& group);
+  std::vector<Prepared> march_own_on_device(const std::vector<Prepared>&);
+  std::vector<Prepared> march_on_device(const SceneMarchProblem&, const std::vector<Prepared>&);
   void download_rows(SceneMarch&, bool whole, RowMatrix& y, RowMatrix& x);
-  void keep_rows(const LanePlan&, Index k, Index i, bool whole, const RowMatrix& y, const RowMatrix& x);
+  void keep_rows(const LaneInput&, Index k, Index i, bool whole, const RowMatrix& y, const RowMatrix& x);
   Index march(const std::vector<Prepared>&);
   Index march_range(LaneMarch&, const Prepared* first, Index count);
   void keep(const LaneMarch&, Index lane, Index k, const LaneOutcome&);

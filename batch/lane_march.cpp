@@ -43,12 +43,6 @@ host::StageSteps& LaneState::steps_of(Index lane) {
   return *single.steps;
 }
 
-double LaneState::g_at(Index lane, Index j, Index i) const {
-  if (samples()) return plan(lane).maps.g[i] * samples()->g(j, i);
-  const LaneSources& s = tables(lane);
-  return plan(lane).stages ? s.at_points(j, i) : s.g(j, i);
-}
-
 bool LaneState::have_own_tables() const {
   return std::any_of(inputs.begin(), inputs.end(), [&](const auto* i) { return i->sources != inputs[0]->sources; });
 }
@@ -85,7 +79,10 @@ LaneState::Sources LaneState::sources() {
     const RowMatrix& of_steps = stages ? s->f_stages : s->f_ends;
     const auto mapped = [&](const RowMatrix* shared, const std::vector<Lanes>& map, const RowMatrix& samples,
                             Index width) {
-      return Source{shared ? shared->data() : nullptr, nullptr, width, 1,
+      return Source{shared ? shared->data() : nullptr,
+                    nullptr,
+                    width,
+                    1,
                     {map.data(), maps_.g.data(), samples.data(), samples.cols(), shared && stages}};
     };
     const Source drift = mapped(nullptr, maps_.drift, of_steps, m), at_points = mapped(&s->g, {}, {}, n);
@@ -98,8 +95,7 @@ LaneState::Sources LaneState::sources() {
     return Source{(tables(0).*of).data(), own ? beside.data() : nullptr, width, 1};
   };
   const Source drift = table(&LaneSources::drift, beside_.drift, m),
-               g = table(&LaneSources::g, beside_.g, stages ? 2 * n : n),
-               f = table(&LaneSources::f, beside_.f, m);
+               g = table(&LaneSources::g, beside_.g, stages ? 2 * n : n), f = table(&LaneSources::f, beside_.f, m);
   if (!stages) return {drift, g, g, drift, f};
   return {drift, g, table(&LaneSources::at_points, beside_.at_points, n),
           table(&LaneSources::growth_drift, beside_.growth_drift, m), f};
@@ -107,12 +103,10 @@ LaneState::Sources LaneState::sources() {
 
 // x0 and y_0, lane by lane. Lanes without a scene repeat the first one.
 void LaneState::start() {
-  Vector g(n);
   for (Index l = 0; l < lanes; ++l) {
     const Vector& x0 = input(l).x0;
     for (Index i = 0; i < m; ++i) x[std::size_t(i)][l] = x0[i];
-    for (Index i = 0; i < n; ++i) g[i] = g_at(l, 0, i);
-    const LaneStart begin = plan(l).start(x0, g);
+    const LaneStart begin = plan(l).start(x0, input(l).g_at(0));
     for (Index i = 0; i < n; ++i) y[std::size_t(i)][l] = begin.y[i];
     if (!begin.found) lost[l] = -1;
     if (begin.other && l < used) other[l] = -1;
@@ -169,13 +163,15 @@ void LaneMarch::write_w(Index lane, Eigen::Ref<RowMatrix> w) const {
   const LanePlan& p = s.plan(lane);
   const double *x = reinterpret_cast<const double*>(s.x.data()) + lane,
                *y = reinterpret_cast<const double*>(s.y.data()) + lane;
-  for (Index j = 0; j <= s.J; ++j)
+  for (Index j = 0; j <= s.J; ++j) {
+    const Vector g = s.input(lane).g_at(j);
     for (Index i = 0; i < s.n; ++i) {
-      double sum = s.g_at(lane, j, i);
+      double sum = g[i];
       for (Index k = 0; k < s.m; ++k) sum += p.N(i, k) * x[(j * s.m + k) * lanes];
       for (Index k = 0; k < s.n; ++k) sum += p.M(i, k) * y[(j * s.n + k) * lanes];
       w(j, i) = scaled(sum, p.units.w, i);
     }
+  }
 }
 
 }  // namespace bromwich

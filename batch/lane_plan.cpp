@@ -301,6 +301,12 @@ std::optional<LaneSources> LanePlan::sources_of(const Scene& given) const {
   return s;
 }
 
+Vector LaneInput::g_at(Index j) const {
+  if (samples) return plan->maps.g.cwiseProduct(samples->g.row(j).transpose());
+  const LaneSources& s = tables();
+  return (plan->stages ? s.at_points : s.g).row(j).transpose();
+}
+
 Vector LanePlan::start_of(Vector x0) const {
   for (Index i = 0; i < x0.size() && !units.trivial(); ++i) x0[i] = times_ten_to(-units.x[std::size_t(i)], x0[i]);
   return x0;

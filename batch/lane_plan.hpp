@@ -59,8 +59,9 @@ struct SourceSamples {
   /// None where sources are not finite or not smooth.
   static std::optional<SourceSamples> of(const Scene&, Backend&, Index J);
 
-  RowMatrix g, g_stages;         ///< n, and 2n at the stages of the step to t_j
-  RowMatrix f, f_ends, f_stages; ///< k at the time points, 2k at the ends of the step to t_j, 2k at its stages; or empty
+  RowMatrix g, g_stages;  ///< n, and 2n at the stages of the step to t_j
+  RowMatrix f, f_ends,
+      f_stages;  ///< k at the time points, 2k at the ends of the step to t_j, 2k at its stages; or empty
 };
 
 /// What a plan makes of SourceSamples, in its own units.
@@ -136,7 +137,7 @@ class LanePlan {
   Backend* backend_ = nullptr;
   Matrix F_, drive_left_, drive_right_;  ///< of f, and of its values at the ends of a step
   bool has_f_ = false;
-  Matrix push_, seen_push_;              ///< with stages, of its values there: DenseStageMaps
+  Matrix push_, seen_push_;  ///< with stages, of its values there: DenseStageMaps
   mutable std::mutex mutex_;
   mutable std::map<unsigned, double> longest_;
 };
@@ -147,6 +148,9 @@ struct LaneInput {
   Vector x0;  ///< in the units of the plan
   std::shared_ptr<const LaneSources> sources = {};
   const SourceSamples* samples = nullptr;
+
+  const LaneSources& tables() const { return sources ? *sources : plan->sources; }
+  Vector g_at(Index j) const;  ///< at a time point, in the units of the plan
 };
 
 }  // namespace bromwich

@@ -20,7 +20,6 @@ struct LaneState {
   bool shared() const;  ///< the matrices
   const LanePlan& plan(Index lane) const { return *input(lane).plan; }
   const LaneInput& input(Index lane) const { return *inputs[std::size_t(lane < used ? lane : 0)]; }
-  double g_at(Index lane, Index j, Index i) const;
   host::StageSteps& steps_of(Index lane);
   unsigned rigid() const;
 
@@ -51,9 +50,7 @@ struct LaneState {
     std::unique_ptr<host::StageSteps> steps;
   };
 
-  const LaneSources& tables(Index lane) const {
-    return input(lane).sources ? *input(lane).sources : plan(lane).sources;
-  }
+  const LaneSources& tables(Index lane) const { return input(lane).tables(); }
   const SourceSamples* samples() const { return inputs[0]->samples; }
   bool have_own_tables() const;
   void start();

@@ -99,8 +99,7 @@ class Run {
         tables_(s),
         view_(tables_.view(p_)),
         sources_(s.sources()),
-        steps_{view_,          {s.x.data(), s.m, 1}, {s.y.data(), n, 1},
-               sources_.drift, sources_.g,           sources_.growth_drift} {
+        steps_{view_, {s.x.data(), s.m, 1}, {s.y.data(), n, 1}, sources_.drift, sources_.g, sources_.growth_drift} {
     for (Index i = 0; i < s.m; ++i) part_[i] = std::cos(1.0 + 2.399963 * double(i));
     view_.part = part_;
   }

@@ -30,6 +30,8 @@ double free_memory(const cuda::Device& device) {
   return std::max(1.0, double(free) + double(reserved) - double(used) + double(device.blocks().kept()));
 }
 
+constexpr Index most_states_of_host = 16;  ///< of a shifted solve that takes less time than a launch
+
 class CudaBackend final : public Backend, public SharedMemory, public ChunkMarcher {
  public:
   CudaBackend(std::unique_ptr<Backend> host, int number, std::string device_name)
@@ -88,7 +90,7 @@ class CudaBackend final : public Backend, public SharedMemory, public ChunkMarch
       return chain ? std::move(chain) : host_->affine_chain(sizes);
     };
     fused_.resolvent = [this](const Dynamics& dynamics, const ComplexVector& nodes) -> ComplexMatrix {
-      if (const auto* d = dynamics->small_state()) return resolvent_(*d, nodes);
+      if (const auto* d = dynamics->small_state(); d && d->A.rows() > most_states_of_host) return resolvent_(*d, nodes);
       if (const auto* d = dynamics->modes(); d && d->across.has_sine_modes() && !d->both_faces)
         return resolvent_(*d, nodes);
       return host_->resolvent(dynamics, nodes);

@@ -42,8 +42,8 @@ struct Strided {
   constexpr Strided operator+(Index k) const { return {base + k * apart, apart}; }
 };
 
-/// What scenes with maps of their own make of samples that all share: scale_i (sample of component i) + (map row i) times
-/// the samples that drive it.
+/// What scenes with maps of their own make of samples that all share: scale_i (sample of component i) + (map row i)
+/// times the samples that drive it.
 template <class Table>
 struct SourceMap {
   Table map{};    ///< width x length

@@ -39,8 +39,14 @@ DenseStageMaps dense_maps(const StageProblem& p, const DenseDynamics& d, double 
   const ScalarMatrix& R = *inverse;
   const Matrix F = p.F;
   const Index k = F.cols();
-  DenseStageMaps maps{{}, Matrix(s * n, m), Matrix(m, s * n),     Matrix(s * n, s * n),
-                      Matrix(m, s * k), Matrix(s * n, s * k),     last_stages(p.g, p.stages, s, rows), {}};
+  DenseStageMaps maps{{},
+                      Matrix(s * n, m),
+                      Matrix(m, s * n),
+                      Matrix(s * n, s * n),
+                      Matrix(m, s * k),
+                      Matrix(s * n, s * k),
+                      last_stages(p.g, p.stages, s, rows),
+                      {}};
   for (Index i = 0; i < s; ++i) {
     maps.decay = c.real(c.v[i] * c.start / h * R);  // of the last stage after the loop
     maps.see.middleRows(i * n, n) = d.N * maps.decay;

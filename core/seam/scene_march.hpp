@@ -5,6 +5,7 @@
 
 #include "../base/plan.hpp"
 #include "../base/types.hpp"
+#include "../host/plan_layout.hpp"
 #include "array.hpp"
 
 #include <vector>
@@ -19,31 +20,36 @@ struct StoredSets {
       true;  ///< solutions are the only ones; otherwise they have to be certain (LaneProblem::try_stages)
 };
 
-/// Scenes that share their dynamics, M and sources. See core/host/scene_steps.hpp for the letters.
+/// Scenes of equal sizes on one grid, with smooth sources that they share. See core/host/scene_steps.hpp for the
+/// letters. Either all share a plan, or each has its own, of one kind.
 struct SceneMarchProblem {
-  Index m = 0, n = 0, J = 0;
+  scene_steps::PlanLayout layout;
+  Index J = 0;
   double h = 0, most_growth = 50;
   bool stages = false, surely_P = false;
+  bool certain = true;  ///< solutions are the only ones; otherwise they have to be (LaneProblem::try_stages)
+  bool judged = false;  ///< active sets are those of least elements
   unsigned rigid = 0;
-  RowMatrix E, L, R, N, M, B, growth_E, growth_G, size_of_E, size_of_R;
-  StoredSets steps, growth;                        ///< of a step; of the rule by which perturbations grow
-  Vector longest;                                  ///< 2^n: time points that a set may last
-  RowMatrix drift, g, at_points, growth_drift, f;  ///< (J+1) rows each
+  Vector plan;  ///< one row; empty: each scene has its own
+  /// (J+1) rows each. f contributes by tables in the units of the plan, or by maps of samples in those of the scenes.
+  RowMatrix g, at_points, drift, growth_drift, f;
+  RowMatrix driven;       ///< 2k: samples for drift_map and q_map; `f` has those for growth_map and f_map then
   RowMatrix seen, euler;  ///< n x m and 2^n n x n, of implicit Euler; empty: other solutions are not searched
   Vector part;            ///< m
-  std::vector<int> x_unit, y_unit, w_unit;  ///< powers of ten of the rows that are returned; empty: none
 };
 
 struct SceneMarchOutcome {
   std::vector<char> settled;
-  Vector residual;  ///< in the units of the scenes
+  Vector residual;        ///< in the units of the scenes
+  std::vector<int> runs;  ///< K x 2^n: for how many rows each active set has lasted, of the scenes that are settled
 };
 
 class SceneMarch : public Plan {
  public:
-  /// x0 and y_0 of the scenes, one row each. `known`: scenes whose other solutions are not searched. Work of a device
-  /// may go on after the return.
-  virtual void start(const RowMatrix& x0, const RowMatrix& y0, const std::vector<char>& known) = 0;
+  /// x0 and y_0 of the scenes, one row each, and their plans where each has its own. `known`: scenes whose other
+  /// solutions are not searched. Work of a device may go on after the return.
+  virtual void start(const RowMatrix& x0, const RowMatrix& y0, const std::vector<char>& known,
+                     const RowMatrix& plans) = 0;
   /// Of the last start. Waits for the checks, which run while x and y are fetched.
   virtual SceneMarchOutcome outcome() = 0;
   /// Rows of all scenes, one scene after the other, in their own units: K (J+1) x m and x n.
