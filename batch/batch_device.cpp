@@ -78,8 +78,8 @@ std::vector<BatchRun::Prepared> BatchRun::march_own_on_device(const std::vector<
   return march_on_device(problem, scenes);
 }
 
-std::vector<BatchRun::Prepared> BatchRun::march_on_device(const SceneMarchProblem& problem,
-                                                          const std::vector<Prepared>& all) {
+std::vector<BatchRun::Prepared> BatchRun::march_on_device(SceneMarchProblem problem, const std::vector<Prepared>& all) {
+  problem.rows = grid_rows_;
   const Index most = Index(share_of_memory * backend_.device().memory / bytes_of_scene(problem));
   const Index together = std::clamp<Index>(most, 1, std::max<Index>(1, Index(all.size())));
   const std::unique_ptr<SceneMarch> march = all.empty() ? nullptr : backend_.fused().scene_march(problem, together);
@@ -165,7 +165,7 @@ void BatchRun::keep_rows(const LaneInput& input, Index k, Index i, bool whole, c
   w = own_x * scene.dynamics->small_state()->N.transpose() + own_y * to_dense(scene.M).transpose();
   const std::vector<int>& units = input.plan->units.w;
   for (Index j = 0; j < rows_; ++j) {
-    const Vector g = input.g_at(j);
+    const Vector g = input.g_at(grid_rows_[std::size_t(j)]);
     for (Index c = 0; c < g.size(); ++c) w(j, c) += units.empty() ? g[c] : times_ten_to(units[std::size_t(c)], g[c]);
   }
 }

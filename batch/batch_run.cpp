@@ -31,6 +31,21 @@ UnitKey key_of(const NaturalUnits& units) { return {units.x, units.y, units.w}; 
 
 }  // namespace
 
+namespace {
+
+// The time points of the grid that the rows are for; empty where the times of a batch are others.
+std::vector<Index> grid_rows(const Batch& batch, double T, Index J) {
+  std::vector<Index> rows(batch.times.empty() ? std::size_t(J) + 1 : batch.times.size());
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    const double at = batch.times.empty() ? double(i) : batch.times[i] / T * double(J);
+    rows[i] = std::lround(at);
+    if (!(std::abs(at - double(rows[i])) <= 8 * epsilon * double(J))) return {};
+  }
+  return rows;
+}
+
+}  // namespace
+
 BatchRun::BatchRun(const Batch& batch, Backend& backend, const Options& options, const MakeBackend& another)
     : batch_(batch),
       backend_(backend),
@@ -46,6 +61,7 @@ BatchRun::BatchRun(const Batch& batch, Backend& backend, const Options& options,
   result_.t = time_grid(first.T > 0 ? first.T : 1, J_);
   if (!batch.times.empty()) result_.t = Eigen::Map<const Vector>(batch.times.data(), Index(batch.times.size()));
   rows_ = result_.t.size();
+  grid_rows_ = grid_rows(batch, first.T, J_);
   const Index n = first.constraints(), rows = batch.scenes * rows_;
   result_.x_components = recorded_components(first, options);
   result_.y.resize(rows, n);
@@ -114,7 +130,7 @@ Index BatchRun::scenes_between_polls() const {
 
 bool BatchRun::for_lanes() const {
   return (options_.method == Method::automatic || options_.method == Method::march) && !controls_error(options_) &&
-         !options_.event_location && !options_.goal && batch_.times.empty() && !options_.tuning.first_iterate &&
+         !options_.event_location && !options_.goal && !grid_rows_.empty() && !options_.tuning.first_iterate &&
          !options_.log && J_ >= 2 &&
          LaneMarch::bytes(first_of(batch_).states(), first_of(batch_).constraints(), J_) <= most_lane_bytes;
 }
@@ -241,9 +257,9 @@ Index BatchRun::march_range(LaneMarch& march, const Prepared* first, Index count
 }
 
 void BatchRun::keep(const LaneMarch& march, Index lane, Index k, const LaneOutcome& outcome) {
-  march.write_y(lane, rows_of(result_.y, k));
-  if (result_.w.size() > 0) march.write_w(lane, rows_of(result_.w, k));
-  if (result_.x.size() > 0) march.write_x(lane, result_.x_components, rows_of(result_.x, k));
+  march.write_y(lane, grid_rows_, rows_of(result_.y, k));
+  if (result_.w.size() > 0) march.write_w(lane, grid_rows_, rows_of(result_.w, k));
+  if (result_.x.size() > 0) march.write_x(lane, grid_rows_, result_.x_components, rows_of(result_.x, k));
   settle(k, outcome.residual, outcome.other_at_zero);
 }
 

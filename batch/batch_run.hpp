@@ -58,7 +58,7 @@ class BatchRun {
   DeviceStarts starts_of(const SceneMarchProblem&, const Prepared*, Index count) const;
   std::vector<Index> march_on_device(const LanePlan&, const std::vector<Index>& group);
   std::vector<Prepared> march_own_on_device(const std::vector<Prepared>&);
-  std::vector<Prepared> march_on_device(const SceneMarchProblem&, const std::vector<Prepared>&);
+  std::vector<Prepared> march_on_device(SceneMarchProblem, const std::vector<Prepared>&);
   void download_rows(SceneMarch&, bool whole, RowMatrix& y, RowMatrix& x);
   void keep_rows(const LaneInput&, Index k, Index i, bool whole, const RowMatrix& y, const RowMatrix& x);
   Index march(const std::vector<Prepared>&);
@@ -72,7 +72,8 @@ class BatchRun {
   const Batch& batch_;
   Backend& backend_;
   Options options_;
-  Index J_, rows_, count_ = 0;  ///< rows_: of a scene in the result
+  Index J_, rows_, count_ = 0;    ///< rows_: of a scene in the result
+  std::vector<Index> grid_rows_;  ///< the time points of these rows; empty: they are not on the grid
   bool own_sources_, stopped_ = false;
   std::function<void(const Progress&)> progress_;
   std::vector<char> done_;

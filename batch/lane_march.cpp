@@ -138,38 +138,38 @@ double scaled(double value, const std::vector<int>& k, Index i) {
 
 }  // namespace
 
-void LaneMarch::write_y(Index lane, Eigen::Ref<RowMatrix> y) const {
+void LaneMarch::write_y(Index lane, const std::vector<Index>& rows, Eigen::Ref<RowMatrix> y) const {
   const LaneState& s = *s_;
   const std::vector<int>& units = s.plan(lane).units.y;
-  double* to = y.data();
   const double* from = reinterpret_cast<const double*>(s.y.data()) + lane;
-  if (units.empty())
-    for (Index k = 0; k < (s.J + 1) * s.n; ++k) to[k] = from[k * lanes];
-  else
-    for (Index k = 0; k < (s.J + 1) * s.n; ++k) to[k] = scaled(from[k * lanes], units, k % s.n);
+  double* to = y.data();
+  for (const Index j : rows)
+    for (Index i = 0; i < s.n; ++i) *to++ = scaled(from[(j * s.n + i) * lanes], units, i);
 }
 
-void LaneMarch::write_x(Index lane, const std::vector<Index>& components, Eigen::Ref<RowMatrix> x) const {
+void LaneMarch::write_x(Index lane, const std::vector<Index>& rows, const std::vector<Index>& components,
+                        Eigen::Ref<RowMatrix> x) const {
   const LaneState& s = *s_;
   const std::vector<int>& units = s.plan(lane).units.x;
   const double* from = reinterpret_cast<const double*>(s.x.data()) + lane;
-  for (Index j = 0; j <= s.J; ++j)
-    for (std::size_t c = 0; c < components.size(); ++c)
-      x(j, Index(c)) = scaled(from[(j * s.m + components[c]) * lanes], units, components[c]);
+  double* to = x.data();
+  for (const Index j : rows)
+    for (const Index i : components) *to++ = scaled(from[(j * s.m + i) * lanes], units, i);
 }
 
-void LaneMarch::write_w(Index lane, Eigen::Ref<RowMatrix> w) const {
+void LaneMarch::write_w(Index lane, const std::vector<Index>& rows, Eigen::Ref<RowMatrix> w) const {
   const LaneState& s = *s_;
   const LanePlan& p = s.plan(lane);
   const double *x = reinterpret_cast<const double*>(s.x.data()) + lane,
                *y = reinterpret_cast<const double*>(s.y.data()) + lane;
-  for (Index j = 0; j <= s.J; ++j) {
+  double* to = w.data();
+  for (const Index j : rows) {
     const Vector g = s.input(lane).g_at(j);
     for (Index i = 0; i < s.n; ++i) {
       double sum = g[i];
       for (Index k = 0; k < s.m; ++k) sum += p.N(i, k) * x[(j * s.m + k) * lanes];
       for (Index k = 0; k < s.n; ++k) sum += p.M(i, k) * y[(j * s.n + k) * lanes];
-      w(j, i) = scaled(sum, p.units.w, i);
+      *to++ = scaled(sum, p.units.w, i);
     }
   }
 }

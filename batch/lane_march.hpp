@@ -30,10 +30,11 @@ class LaneMarch {
   ~LaneMarch();
   /// All plans are of one kind; sources are own ones in all lanes or in none.
   void run(const std::vector<const LaneInput*>& inputs, std::vector<LaneOutcome>& outcomes);
-  /// Rows of one lane after `run`, in the units of the scene; x: the given components.
-  void write_y(Index lane, Eigen::Ref<RowMatrix> y) const;
-  void write_w(Index lane, Eigen::Ref<RowMatrix> w) const;
-  void write_x(Index lane, const std::vector<Index>& components, Eigen::Ref<RowMatrix> x) const;
+  /// Rows of one lane at time points of the grid, in the units of the scene, after `run`; x: the given components.
+  void write_y(Index lane, const std::vector<Index>& rows, Eigen::Ref<RowMatrix> y) const;
+  void write_w(Index lane, const std::vector<Index>& rows, Eigen::Ref<RowMatrix> w) const;
+  void write_x(Index lane, const std::vector<Index>& rows, const std::vector<Index>& components,
+               Eigen::Ref<RowMatrix> x) const;
 
   static double bytes(Index m, Index n, Index J) { return 64.0 * double(J + 1) * double(3 * m + 5 * n + 2); }
 

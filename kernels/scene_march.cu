@@ -146,14 +146,17 @@ __global__ void make_sets(Index plans, Index u, Table scaled, Table rows, Table 
   if (!usable) entry(0) = NAN;
 }
 
-// to[k, c] <- from[c, k] up_c / down_c for k < scenes and c < columns; up and down have `width` entries.
+// Rows of scenes, to[k, c] <- from[column of c, k] up_c / down_c for k < scenes and c < columns: `width` of each of the
+// given time points. up and down have `width` entries.
 template <class Table>
-__global__ void turn(const double* from, Index columns, Index scenes, Table up, Table down, Index width, double* to) {
+__global__ void turn(const double* from, const Index* points, Index columns, Index scenes, Table up, Table down,
+                     Index width, double* to) {
   __shared__ double block[tile][tile + 1];
   const Index c0 = Index(blockIdx.y) * tile, k0 = Index(blockIdx.x) * tile;
   for (Index i = threadIdx.y; i < tile; i += blockDim.y)
     if (c0 + i < columns && k0 + Index(threadIdx.x) < scenes)
-      block[i][threadIdx.x] = from[(c0 + i) * scenes + k0 + Index(threadIdx.x)];
+      block[i][threadIdx.x] =
+          from[(points[(c0 + i) / width] * width + (c0 + i) % width) * scenes + k0 + Index(threadIdx.x)];
   __syncthreads();
   const Index c = c0 + Index(threadIdx.x);
   if (c >= columns) return;
@@ -247,7 +250,7 @@ class DeviceSceneMarch final : public SceneMarch {
   DeviceSceneMarch(const Device& device, const SceneMarchProblem& p, Index scenes)
       : device_(device),
         layout_(p.layout),
-        rows_(p.J + 1),
+        rows_(Index(p.rows.size())),
         scenes_(scenes),
         judged_(p.judged),
         kernels_(choose(p.layout.m, p.layout.n, Table{})),
@@ -256,8 +259,9 @@ class DeviceSceneMarch final : public SceneMarch {
         growth_maps_(device, std::size_t(layout_.stages ? size_of_maps(layout_.n) * (own_plans ? scenes : 1) : 0)),
         x0_(device, std::size_t(m() * scenes)),
         y0_(device, std::size_t(n() * scenes)),
-        x_(device, std::size_t(rows_ * m() * scenes)),
-        y_(device, std::size_t(rows_ * n() * scenes)),
+        x_(device, std::size_t((p.J + 1) * m() * scenes)),
+        y_(device, std::size_t((p.J + 1) * n() * scenes)),
+        points_(device, p.rows.size()),
         residual_(device, std::size_t(scenes)),
         runs_(device, std::size_t(scenes << n())),
         lost_(device, std::size_t(scenes)),
@@ -276,6 +280,7 @@ class DeviceSceneMarch final : public SceneMarch {
     keep(p.growth_drift, given_.growth_drift), keep(p.f, given_.f), keep(p.driven, given_.driven);
     keep(p.seen, given_.seen), keep(p.euler, given_.euler);
     tables_.upload(device);
+    points_.put(p.rows.data());
     given_.rigid = p.rigid;
     given_.x0 = x0_.data(), given_.y0 = y0_.data();
     given_.x = x_.data(), given_.y = y_.data(), given_.residual = residual_.data(), given_.runs = runs_.data();
@@ -411,18 +416,19 @@ class DeviceSceneMarch final : public SceneMarch {
   void turn_around(const Memory<double>& from, Index width, PlanTable up, PlanTable down, DeviceArray& to) {
     const Index columns = rows_ * width;
     const dim3 blocks(unsigned((given_.scenes + tile - 1) / tile), unsigned((columns + tile - 1) / tile));
-    turn<<<blocks, dim3(tile, 8), 0, device_.stream()>>>(from.data(), columns, given_.scenes, table(up), table(down),
-                                                         width, to.memory.data());
+    turn<<<blocks, dim3(tile, 8), 0, device_.stream()>>>(from.data(), points_.data(), columns, given_.scenes, table(up),
+                                                         table(down), width, to.memory.data());
     check(cudaGetLastError(), "ordering the rows of scenes");
   }
 
   const Device& device_;
   PlanLayout layout_;
-  Index rows_, scenes_, count_ = 1;  ///< count_: of plans
+  Index rows_, scenes_, count_ = 1;  ///< rows_: that are returned of a scene; count_: of plans
   bool judged_;
   Kernels<Table> kernels_;
   Given<Table> given_{};
   Memory<double> plans_, step_maps_, growth_maps_, x0_, y0_, x_, y_, residual_;
+  Memory<Index> points_;
   Memory<int> runs_;
   Memory<unsigned char> lost_, known_;
   std::optional<DeviceArray> rows_of_x_;  // made by the first call of x()
@@ -439,7 +445,7 @@ std::unique_ptr<SceneMarch> make_scene_march(const Device& device, const SceneMa
   const PlanLayout& layout = problem.layout;
   const Index u = layout.unknowns();
   const bool fits = layout.m >= 1 && layout.m <= 8 && u >= 1 && u <= scene_steps::most_unknowns;
-  const Index blocks = ((problem.J + 1) * std::max(layout.m, layout.n) + tile - 1) / tile;
+  const Index blocks = (Index(problem.rows.size()) * std::max(layout.m, layout.n) + tile - 1) / tile;
   if (!fits || blocks > 65535 || scenes < 1) return nullptr;  // rows of up to 8 numbers lie one after the other
   if (problem.plan.size() > 0) return std::make_unique<DeviceSceneMarch<const double*>>(device, problem, scenes);
   return std::make_unique<DeviceSceneMarch<Strided>>(device, problem, scenes);

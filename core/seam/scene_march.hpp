@@ -33,9 +33,10 @@ struct SceneMarchProblem {
   Vector plan;  ///< one row; empty: each scene has its own
   /// (J+1) rows each. f contributes by tables in the units of the plan, or by maps of samples in those of the scenes.
   RowMatrix g, at_points, drift, growth_drift, f;
-  RowMatrix driven;       ///< 2k: samples for drift_map and q_map; `f` has those for growth_map and f_map then
-  RowMatrix seen, euler;  ///< n x m and 2^n n x n, of implicit Euler; empty: other solutions are not searched
-  Vector part;            ///< m
+  RowMatrix driven;         ///< 2k: samples for drift_map and q_map; `f` has those for growth_map and f_map then
+  RowMatrix seen, euler;    ///< n x m and 2^n n x n, of implicit Euler; empty: other solutions are not searched
+  Vector part;              ///< m
+  std::vector<Index> rows;  ///< time points whose rows are returned, increasing
 };
 
 struct SceneMarchOutcome {
@@ -52,7 +53,7 @@ class SceneMarch : public Plan {
                      const RowMatrix& plans) = 0;
   /// Of the last start. Waits for the checks, which run while x and y are fetched.
   virtual SceneMarchOutcome outcome() = 0;
-  /// Rows of all scenes, one scene after the other, in their own units: K (J+1) x m and x n.
+  /// The rows of all scenes, one scene after the other, in their own units: m and n columns.
   virtual const Array& x() = 0;
   virtual const Array& y() = 0;
 };

@@ -92,6 +92,63 @@ TEST_P(BackendScenes, AreSteppedAsTheyAreAlone) {
   EXPECT_GE(2 * expect_as_single(around(bridge, 0.3), *backend, 200, "diode bridge"), scenes);
 }
 
+// A, B, N and M of each scene differ from those of `scene` by up to `part` of each entry.
+Batch with_own_matrices(const Scene& scene, double part) {
+  Random random(11);
+  Batch batch = around(scene, 0.1);
+  const DenseDynamics& d = *scene.dynamics->small_state();
+  const auto other = [&](const Matrix& of) {
+    return Matrix(of.array() * (1 + part * random.matrix(of.rows(), of.cols()).array()));
+  };
+  for (Index k = 0; k < scenes; ++k) {
+    batch.A.push_back(other(d.A)), batch.B.push_back(other(d.B)), batch.N.push_back(other(d.N));
+    const Matrix M = to_dense(scene.M), off = other(M);
+    batch.M.push_back(M.isZero(0) || part == 0 ? M : Matrix((off + off.transpose()) / 2));
+  }
+  return batch;
+}
+
+TEST_P(BackendScenes, HaveMatricesOfTheirOwn) {
+  for (const auto& [m, n] : {std::pair<Index, Index>(1, 1), {3, 2}, {4, 4}, {5, 3}, {8, 8}})
+    EXPECT_GE(2 * expect_as_single(with_own_matrices(drawn(m, n, unsigned(m)), 0.1), *backend, 100, "drawn"), scenes)
+        << m << " " << n;
+  Scene through_B = drawn(4, 2, 9);
+  through_B.f_entry = SourceEntry::through_B;
+  through_B.f = [](double t, Eigen::Ref<Vector> f) { f << std::cos(2 * t), t; };
+  EXPECT_GE(2 * expect_as_single(with_own_matrices(through_B, 0.1), *backend, 100, "f through B"), scenes);
+}
+
+// Steps in stages are taken in the natural units of each scene, which differ.
+TEST_P(BackendScenes, HaveMatricesAndUnitsOfTheirOwn) {
+  Scene bridge = batch_test::diode_bridge();
+  bridge.T = 1e-3;
+  Batch batch = around(bridge, 0.3);
+  Random random(12);
+  const DenseDynamics& d = *bridge.dynamics->small_state();
+  for (Index k = 0; k < scenes; ++k) batch.A.push_back(d.A * (1 + 0.3 * random.matrix(1, 1)(0, 0)));
+  for (Index k = 0; k < scenes; ++k) batch.x0.row(k) *= std::pow(10.0, double(k % 5) - 2);
+  EXPECT_GE(2 * expect_as_single(batch, *backend, 200, "diode bridge"), scenes);
+  batch.common.f = [](double t, Eigen::Ref<Vector> f) { f << 0, 300 * std::sin(2e4 * t); };
+  EXPECT_GE(2 * expect_as_single(batch, *backend, 200, "diode bridge with a source"), scenes);
+}
+
+TEST_P(BackendScenes, GiveRowsAtTimePointsOfTheGrid) {
+  const Index J = 100;
+  Options options = marched(J);
+  options.trace = true;
+  for (Batch batch : {around(drawn(3, 2, 4), 0.5), with_own_matrices(drawn(3, 2, 4), 0.1)}) {
+    const BatchResult all = solve_batch(batch, *backend, options);
+    batch.times = {0, 0.29 * batch.common.T, batch.common.T};
+    const BatchResult some = solve_batch(batch, *backend, options);
+    EXPECT_EQ(some.in_lanes, all.in_lanes);
+    for (Index k = 0; k < scenes; ++k)
+      for (const auto& [of_some, of_all] : {std::pair(&some.y, &all.y), {&some.x, &all.x}, {&some.w, &all.w}})
+        EXPECT_EQ(some.of(*of_some, k), RowMatrix(all.of(*of_all, k)(std::vector<Index>{0, 29, J}, Eigen::all))) << k;
+    batch.times = {0.123 * batch.common.T};  // not on the grid: by single solves
+    EXPECT_EQ(solve_batch(batch, *backend, options).in_lanes, 0);
+  }
+}
+
 TEST_P(BackendScenes, AgreeWithTheDenseOracle) {
   const Index J = 40;
   const Batch batch = around(drawn(3, 3, 5), 0.5);
