@@ -93,7 +93,7 @@ std::vector<BatchRun::Prepared> BatchRun::march_on_device(SceneMarchProblem prob
     const DeviceStarts starts = starts_of(problem, scenes, count);
     march->start(starts.x0, starts.y0, starts.other, starts.plans);
     touch_.reset();
-    download_rows(*march, whole, y, x);
+    if (!arrays_) download_rows(*march, whole, y, x);
     const SceneMarchOutcome outcome = march->outcome();
     const Index sets = Index(1) << problem.layout.n;
     std::vector<char> settled(std::size_t(count), 0);
@@ -103,9 +103,10 @@ std::vector<BatchRun::Prepared> BatchRun::march_on_device(SceneMarchProblem prob
         const Prepared& scene = scenes[i];
         settled[std::size_t(i)] = outcome.settled[std::size_t(i)] && starts.found[std::size_t(i)] &&
                                   !limits.exceeded(*scene.input.plan, &outcome.runs[std::size_t(i * sets)]);
-        if (settled[std::size_t(i)]) keep_rows(scene.input, scene.scene, i, whole, y, x);
+        if (settled[std::size_t(i)] && !arrays_) keep_rows(scene.input, scene.scene, i, whole, y, x);
       }
     });
+    if (arrays_) keep_in_arrays(*march, scenes, settled);
     Index more = 0;
     for (Index i = 0; i < count; ++i) {
       const auto at = std::size_t(i);
@@ -149,7 +150,17 @@ void BatchRun::download_rows(SceneMarch& march, bool whole, RowMatrix& y, RowMat
     const FirstTouch before_the_copy(to.data(), std::size_t(to.size()));
   }
   backend_.download(march.y(), to);
-  if (result_.x.size() > 0 || result_.w.size() > 0) backend_.download(march.x(), x);
+  if (result_.x.size() > 0 || (result_.w.size() > 0 && !w_comes_later_)) backend_.download(march.x(), x);
+}
+
+// Runs of neighbours at once.
+void BatchRun::keep_in_arrays(SceneMarch& march, const Prepared* scenes, const std::vector<char>& settled) {
+  const Array* const x = result_.x.cols() > 0 ? &march.x() : nullptr;
+  const Index count = Index(settled.size());
+  for (Index i = 0, end = 0; i < count; i = std::max(end, i + 1)) {
+    for (end = i; end < count && settled[std::size_t(end)] && scenes[end].scene == scenes[i].scene + end - i;) ++end;
+    if (end > i) arrays_->take(march.y(), x, i, scenes[i].scene, end - i);
+  }
 }
 
 // Scene k from row i (J+1) of the tables of a device.
@@ -159,7 +170,8 @@ void BatchRun::keep_rows(const LaneInput& input, Index k, Index i, bool whole, c
   if (result_.w.size() == 0 && result_.x.size() == 0) return;
   const auto own_x = x.middleRows(i * rows_, rows_);
   if (result_.x.size() > 0) rows_of(result_.x, k) = own_x(Eigen::all, result_.x_components);
-  if (result_.w.size() == 0) return;
+  if (w_comes_later_) result_.w_is_due[std::size_t(k)] = 1;
+  if (result_.w.size() == 0 || w_comes_later_) return;
   const Scene scene = scene_of(batch_, k);
   auto w = rows_of(result_.w, k);
   w = own_x * scene.dynamics->small_state()->N.transpose() + own_y * to_dense(scene.M).transpose();

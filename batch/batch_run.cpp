@@ -2,6 +2,7 @@
 
 #include "batch/batch_groups.hpp"
 #include "core/base/error.hpp"
+#include "core/base/text.hpp"
 #include "core/base/timer.hpp"
 #include "core/result/notice.hpp"
 #include "core/scene/natural_sizes.hpp"
@@ -69,7 +70,8 @@ BatchRun::BatchRun(const Batch& batch, Backend& backend, const Options& options,
   result_.x.resize(rows, Index(result_.x_components.size()));
   for (RowMatrix* fresh : {&result_.y, &result_.w, &result_.x})
     ask_for_large_pages(fresh->data(), std::size_t(fresh->size()));
-  if (backend.fused().scene_march) touch_.emplace(result_.y.data(), std::size_t(result_.y.size()));
+  if (batch.keep_on_backend && backend.fused().slabs) keep_on_backend(first);
+  if (backend.fused().scene_march && !arrays_) touch_.emplace(result_.y.data(), std::size_t(result_.y.size()));
   const std::size_t K = std::size_t(batch.scenes);
   result_.status.assign(K, Status::interrupted);
   result_.reason.assign(K, "");
@@ -80,9 +82,21 @@ BatchRun::BatchRun(const Batch& batch, Backend& backend, const Options& options,
   done_.assign(K, 0);
 }
 
+void BatchRun::keep_on_backend(const Scene& first) {
+  const Index states = result_.x.cols();
+  if (states != 0 && states != first.states())
+    throw Error("states", text("has %ld of %ld states", long(states), long(first.states())),
+                "record all or none where results stay on the device");
+  result_.w.resize(0, 0);
+  arrays_ = std::make_shared<BatchArrays>(backend_, batch_.scenes, rows_, result_.y.cols(), states);
+}
+
 BatchResult BatchRun::run(const std::function<void(const Progress&)>& progress, bool fill) {
   Timer timer;
   progress_ = progress;
+  fill = fill || arrays_;
+  w_comes_later_ = !fill && result_.w.size() > 0 && result_.x.cols() == first_of(batch_).states();
+  if (w_comes_later_) result_.w_is_due.assign(std::size_t(batch_.scenes), 0);
   std::vector<Index> alone;
   for (const std::vector<Index>& group : groups_of(batch_)) {
     if (stopped_) break;
@@ -104,6 +118,11 @@ BatchResult BatchRun::run(const std::function<void(const Progress&)>& progress, 
     }
   for (RowMatrix* all : {&result_.y, &result_.w, &result_.x})
     if (kept < batch_.scenes && all->rows() > 0) all->conservativeResize(kept * rows_, Eigen::NoChange);
+  if (arrays_) {
+    arrays_->take_others(result_.y, result_.x);
+    for (RowMatrix* all : {&result_.y, &result_.x}) all->resize(0, 0);
+    result_.arrays = arrays_;
+  }
   result_.prepared = alone_.prepared() + (side_by_side_ ? side_by_side_->prepared() : 0);
   result_.bytes = sizeof(double) * std::size_t(result_.y.size() + result_.w.size() + result_.x.size());
   result_.seconds = timer.lap();
@@ -258,7 +277,10 @@ Index BatchRun::march_range(LaneMarch& march, const Prepared* first, Index count
 
 void BatchRun::keep(const LaneMarch& march, Index lane, Index k, const LaneOutcome& outcome) {
   march.write_y(lane, grid_rows_, rows_of(result_.y, k));
-  if (result_.w.size() > 0) march.write_w(lane, grid_rows_, rows_of(result_.w, k));
+  if (w_comes_later_)
+    result_.w_is_due[std::size_t(k)] = 1;
+  else if (result_.w.size() > 0)
+    march.write_w(lane, grid_rows_, rows_of(result_.w, k));
   if (result_.x.size() > 0) march.write_x(lane, grid_rows_, result_.x_components, rows_of(result_.x, k));
   settle(k, outcome.residual, outcome.other_at_zero);
 }

@@ -5,6 +5,7 @@
 #include "../core/base/first_touch.hpp"
 #include "../core/seam/scene_march.hpp"
 #include "batch.hpp"
+#include "batch_arrays.hpp"
 #include "lane_march.hpp"
 #include "side_by_side.hpp"
 #include "single_solves.hpp"
@@ -21,6 +22,7 @@ class BatchRun {
  public:
   BatchRun(const Batch&, Backend&, const Options&, const MakeBackend& another);
   /// `fill`: with rows of NaN for scenes that were not reached; otherwise y, w and x end with the last one that was.
+  /// Rows of w that can be computed from y and x are left out then, and marked in BatchResult::w_is_due.
   BatchResult run(const std::function<void(const Progress&)>& progress, bool fill = true);
 
   static constexpr double most_lane_bytes = 256e6;  ///< of the buffers of one thread
@@ -39,6 +41,7 @@ class BatchRun {
   Eigen::Block<RowMatrix> rows_of(RowMatrix& all, Index k) {
     return all.block(k * rows_, 0, all.size() > 0 ? rows_ : 0, all.cols());
   }
+  void keep_on_backend(const Scene& first);
   void say(Index more);
   bool asked_to_stop();
   Index scenes_between_polls() const;
@@ -61,6 +64,7 @@ class BatchRun {
   std::vector<Prepared> march_on_device(SceneMarchProblem, const std::vector<Prepared>&);
   void download_rows(SceneMarch&, bool whole, RowMatrix& y, RowMatrix& x);
   void keep_rows(const LaneInput&, Index k, Index i, bool whole, const RowMatrix& y, const RowMatrix& x);
+  void keep_in_arrays(SceneMarch&, const Prepared*, const std::vector<char>& settled);
   Index march(const std::vector<Prepared>&);
   Index march_range(LaneMarch&, const Prepared* first, Index count);
   void keep(const LaneMarch&, Index lane, Index k, const LaneOutcome&);
@@ -78,6 +82,8 @@ class BatchRun {
   std::function<void(const Progress&)> progress_;
   std::vector<char> done_;
   BatchResult result_;
+  bool w_comes_later_ = false;           ///< of scenes that are stepped side by side: from their y and x
+  std::shared_ptr<BatchArrays> arrays_;  ///< where results stay on the backend
   SingleSolves alone_;
   const MakeBackend another_;
   std::optional<SideBySide> side_by_side_;  ///< made when it is needed first

@@ -4,6 +4,8 @@
 #include "batch/stopped_batch.hpp"
 #include "core/base/error.hpp"
 #include "core/base/text.hpp"
+#include "core/base/threads.hpp"
+#include "core/scene/input_samples.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -95,6 +97,27 @@ void add_missing_rows(BatchResult& r) {
     all->conservativeResize(rows, Eigen::NoChange);
     all->bottomRows(missing).setConstant(NAN);
   }
+}
+
+void add_rows_of_w(const Batch& batch, const HostThreads& threads, BatchResult& r) {
+  if (std::none_of(r.w_is_due.begin(), r.w_is_due.end(), [](char due) { return due != 0; })) return r.w_is_due.clear();
+  const auto g_of = [&](const Scene& scene) {
+    return scene.g ? RowMatrix(sample(scene.g, r.t * (scene.T / first_of(batch).T), scene.constraints()).table())
+                   : RowMatrix(RowMatrix::Zero(r.rows(), scene.constraints()));
+  };
+  const bool own = own_sources(batch);
+  const RowMatrix shared = own ? RowMatrix() : g_of(scene_of(batch, 0));
+  const auto add = [&](Index begin, Index end) {
+    for (Index k = begin; k < end; ++k) {
+      if (!r.w_is_due[std::size_t(k)]) continue;
+      const Scene scene = scene_of(batch, k);
+      r.w.middleRows(k * r.rows(), r.rows()) = r.of(r.x, k) * scene.dynamics->small_state()->N.transpose() +
+                                               r.of(r.y, k) * to_dense(scene.M).transpose() +
+                                               (own ? g_of(scene) : shared);
+    }
+  };
+  own ? add(0, r.scenes) : share(threads, r.scenes, 16, add);
+  r.w_is_due.clear();
 }
 
 Index solve_in_blocks(const Batch& batch, Backend& backend, const Options& given,

@@ -33,6 +33,9 @@ struct Batch {
   /// Of the rows, increasing from 0 to T of the first scene; scenes with another T have them at the same parts of T.
   /// Empty: the time points of the grid. They are needed with a tolerance, where grids differ.
   std::vector<double> times;
+  /// On a backend whose memory is not that of the host, y and x stay there (BatchResult::arrays). All states are
+  /// recorded, or none.
+  bool keep_on_backend = false;
 
   /// Throws Error that names the first member with a wrong number of entries or a wrong shape.
   void validate() const;
@@ -43,6 +46,8 @@ Batch batch_of(std::vector<Scene> scenes);
 
 /// The scene of index k.
 Scene scene_of(const Batch&, Index k);
+
+class BatchArrays;
 
 struct BatchResult {
   Index scenes = 0;
@@ -56,11 +61,13 @@ struct BatchResult {
   RowMatrix y;                        ///< K rows() x n, scene after scene; NaN where there is no value
   RowMatrix w;                        ///< the same of w = N x + M y + g with Options::trace; otherwise empty
   RowMatrix x;                        ///< K rows() x recorded components
+  std::vector<char> w_is_due;         ///< empty, or scenes whose w is still to be computed (batch/stopped_batch.hpp)
   std::vector<Index> x_components;
-  Index in_lanes = 0;     ///< scenes that were stepped side by side
-  Index prepared = 0;     ///< scenes that were solved by a Solver that other scenes have used
-  double seconds = 0;     ///< wall clock
-  std::size_t bytes = 0;  ///< of the arrays of this result
+  std::shared_ptr<const BatchArrays> arrays;  ///< with Batch::keep_on_backend, in place of y, w and x
+  Index in_lanes = 0;                         ///< scenes that were stepped side by side
+  Index prepared = 0;                         ///< scenes that were solved by a Solver that other scenes have used
+  double seconds = 0;                         ///< wall clock
+  std::size_t bytes = 0;                      ///< of the arrays of this result
 
   Index rows() const { return t.size(); }  ///< of a scene: J+1, or the number of `times`
   /// The rows of scene k in y, w or x.

@@ -23,9 +23,11 @@ class SharedArray:
     ``numpy.from_dlpack`` on the host and by ``torch.from_dlpack``, ``jax.numpy.from_dlpack``, ``cupy.from_dlpack`` on a
     CUDA device; ``numpy.asarray`` copies what lies on a device."""
 
-    def __init__(self, answer: _core.SharedAnswer, name: str) -> None:
+    def __init__(
+        self, answer: _core.SharedAnswer | _core.BatchAnswer, name: str, shape: tuple[int, ...] | None = None
+    ) -> None:
         self._answer, self._name = answer, name
-        self.shape: tuple[int, int] = answer.shape
+        self.shape: tuple[int, ...] = answer.shape if shape is None else shape
         self.dtype = np.dtype(np.float64)
         if answer.place[0] == 2:  # for libraries without DLPack, such as Numba
             self.__cuda_array_interface__ = {

@@ -5,11 +5,12 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Sequence
 from functools import cached_property
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from . import _core
+from ._array_solver import SharedArray
 from ._arrays import of_other_library, on_host
 from ._batch_output import BatchOutput
 from ._derivative import BatchDerivative
@@ -58,7 +59,7 @@ class BatchResult(BatchOutput):
 
     @cached_property
     def y(self) -> np.ndarray:
-        """K x (J+1) x n; NaN where a scene has no value."""
+        """K x (J+1) x n; NaN where a scene has no value. With ``results="device"`` a :class:`SharedArray`."""
         return self._rows("y")
 
     @cached_property
@@ -71,7 +72,13 @@ class BatchResult(BatchOutput):
         """K x (J+1) x the number of recorded components, which are ``x_components``."""
         return self._rows("x")
 
-    def _rows(self, name: str) -> np.ndarray:
+    def _rows(self, name: str) -> Any:
+        columns = None if isinstance(self._answer, DealtAnswer) else self._answer.columns_on_backend
+        if columns is not None:
+            if name == "w" or (name == "x" and columns[1] == 0):
+                return np.zeros((len(self), self.t.size, 0))
+            shape = (len(self), self.t.size, columns[name == "x"])
+            return SharedArray(self._answer, name, shape)
         found = self._answer.rows(name)
         return found.reshape(self._answer.scenes, self.t.size, found.shape[1])
 
@@ -91,6 +98,8 @@ class BatchResult(BatchOutput):
             failed: what scenes without a derivative have in the tables, ``"nan"`` or ``"zero"``; ``"raise"``: the first one
                 raises an :class:`Error`.
         """
+        if not isinstance(self._answer, DealtAnswer) and self._answer.columns_on_backend is not None:
+            raise Error("derivative: is asked of results on a device; solve with results='host'", "results")
         if isinstance(self._answer, DealtAnswer):
             raise Error("derivative: is asked of scenes on several ranks; solve the scenes of each rank without ranks", "ranks")
         return BatchDerivative(self._answer, located, threads, failed)
@@ -121,6 +130,7 @@ def solve_batch(
     iteration_tol: float | None = None,
     max_iterations: int | None = None,
     memory_limit: float | None = None,
+    results: Literal["host", "device"] = "host",
     **arguments: Any,
 ) -> BatchResult:
     """Solves K scenes of one structure on the time points t_j = j T/J::
@@ -144,6 +154,8 @@ def solve_batch(
             ``times`` but without ``tol`` each scene is solved as :func:`solve` does it, to 1e-3.
         backend, device, threads, progress, stop, method, tol, states, iteration_tol, max_iterations, memory_limit:
             as :func:`solve` takes them. ``progress`` counts scenes.
+        results: ``"device"``: y and x stay in the memory of a CUDA device, as :class:`SharedArray`, which other libraries
+            take without a copy; w is not computed. On the cpu they are NumPy's arrays.
         ranks: a communicator of mpi4py, whose ranks call ``solve_batch`` together with the same arguments: scene k goes to
             rank k modulo their number, and all get the whole result.
         check: what happens where a status is not ``solved``, as in :func:`solve`; there is one warning for all.
@@ -163,7 +175,11 @@ def solve_batch(
         ((3, 401, 1), <Status.solved: 'solved'>)
     """
     known(arguments, solve_batch)
+    if results not in ("host", "device"):
+        raise Error(f'results: is {results!r}; use "host" or "device"', "results")
     shared = ranks_of(ranks, stop)
+    if shared is not None and results == "device":
+        raise Error("results: stay on a device of one rank; use results='host' with ranks", "results")
     models, count, axes, x0, f, g, first = _batch(scenes, steps, arguments)
     options = _options(
         first,
@@ -183,7 +199,7 @@ def solve_batch(
 
     def own() -> _core.BatchAnswer:
         with reporting(progress if first_rank else None, options.iteration_tolerance) as report:
-            return _core.solve_batch(*data, rows, options, on, report, stop)
+            return _core.solve_batch(*data, rows, results == "device", options, on, report, stop)
 
     answer = own() if shared is None else DealtAnswer(shared.together(own), count or len(models), shared)
     result = BatchResult(answer, first)

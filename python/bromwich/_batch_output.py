@@ -56,7 +56,7 @@ class BatchOutput:
         their distance as error. :func:`solve` with ``method="events"`` locates them."""
         free = sorted(self.scene._model.free_rows)
         t = np.ascontiguousarray(self.t)
-        return [[Switch(*s) for s in _core.switches_of_rows(t, np.ascontiguousarray(y), False, free)] for y in self.y]
+        return [[Switch(*s) for s in _core.switches_of_rows(t, np.ascontiguousarray(y), False, free)] for y in np.asarray(self.y)]
 
     def _measured(self, what: str, name: str, start: float | None, end: float | None) -> np.ndarray:
         first, last = float(self.t[0]), float(self.t[-1])
@@ -64,7 +64,7 @@ class BatchOutput:
         if not first <= start < end <= last:
             raise Error(f"start: found {start!r} to {end!r}; give start < end from {first!r} to {last!r}", "start")
         kind, column = component_of(name, self.state_names, self.constraint_names, self.x_components, self.y.shape[2])
-        return of_rows(self.t, getattr(self, kind)[:, :, column], start, end)[what]
+        return of_rows(self.t, np.asarray(getattr(self, kind))[:, :, column], start, end)[what]
 
     def mean(self, name: str, start: float | None = None, end: float | None = None) -> np.ndarray:
         """K means of a component over [start, end], linear between the rows.
@@ -110,12 +110,12 @@ class BatchOutput:
         return dataset
 
     def _arrays(self) -> dict[str, np.ndarray]:
-        arrays = {"t": self.t, "y": self.y, "residual": self.residual, "status": np.array([str(s) for s in self.status])}
+        arrays = {"t": self.t, "y": np.asarray(self.y), "residual": self.residual, "status": np.array([str(s) for s in self.status])}
         arrays |= {"reason": np.array(self.reason), "warning": np.array(self.warning), "method": np.array(self.method)}
         if self.w.shape[2] > 0:
             arrays["w"] = self.w
         if self.x.shape[2] > 0:
-            arrays |= {"x": self.x, "state": np.array(self.x_components, dtype=int)}
+            arrays |= {"x": np.asarray(self.x), "state": np.array(self.x_components, dtype=int)}
         for key, names in (("constraint_name", self.constraint_names), ("state_name", self.state_names)):
             if names:
                 arrays[key] = np.array(names)

@@ -43,7 +43,7 @@ struct SharedAnswer {
 
 nb::ndarray<double> capsule_of(const std::shared_ptr<SharedAnswer>& answer, const std::string& name) {
   double* const numbers = (name == "y" ? answer->y : answer->w).get();
-  return handed_over(answer, numbers, answer->rows, answer->cols, shared(*answer->machine).place());
+  return handed_over(answer, numbers, {answer->rows, answer->cols}, shared(*answer->machine).place());
 }
 
 class PreparedArrays {

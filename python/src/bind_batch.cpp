@@ -3,16 +3,19 @@
 #include "app/backend_choice.hpp"
 #include "arrays.hpp"
 #include "batch/batch.hpp"
+#include "batch/batch_arrays.hpp"
 #include "batch/batch_derivative.hpp"
 #include "batch/stopped_batch.hpp"
 #include "calls.hpp"
 #include "cpu/cpu_backend.hpp"
 #include "machine.hpp"
 #include "module.hpp"
+#include "shared_arrays.hpp"
 #include "sources.hpp"
 
 #include <nanobind/stl/map.h>
 #include <nanobind/stl/optional.h>
+#include <nanobind/stl/pair.h>
 #include <nanobind/stl/shared_ptr.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
@@ -36,6 +39,14 @@ struct BatchAnswer {
   BatchResult result;
   std::string backend;
   bool by_keyboard = false;
+  std::shared_ptr<double> y, x;  ///< of results that stay on the backend, for other libraries
+
+  ~BatchAnswer() {  // memory before the backend
+    if (!result.arrays) return;
+    const nb::gil_scoped_release released;
+    const std::lock_guard lock(machine->busy);
+    y.reset(), x.reset(), result.arrays.reset();
+  }
 };
 
 std::vector<Matrix> matrices(const Array3& all) {
@@ -93,13 +104,14 @@ Batch batch_from(const std::vector<std::shared_ptr<const Model>>& models, Index 
 std::shared_ptr<BatchAnswer> solve_many(const std::vector<std::shared_ptr<const Model>>& models, Index scenes,
                                         const std::map<std::string, Array3>& axes, const std::optional<Array2>& x0,
                                         const std::vector<const Source*>& f, const std::vector<const Source*>& g,
-                                        const std::vector<double>& times, const Options& given, const Wanted& wanted,
-                                        nb::object progress, nb::object stop) {
+                                        const std::vector<double>& times, bool keep_on_backend, const Options& given,
+                                        const Wanted& wanted, nb::object progress, nb::object stop) {
   Calls calls(std::move(progress), std::move(stop));
   return unlocked(calls, [&] {
     auto answer = std::make_shared<BatchAnswer>();
     Batch batch = batch_from(models, scenes, axes, x0, f, g);
     batch.times = times;
+    batch.keep_on_backend = keep_on_backend;
     Options options = given;
     const auto machine = machine_for(wanted, models.at(0)->scene, options);
     options.progress = [&](const Progress& p) { calls.progress(p); };
@@ -128,9 +140,31 @@ std::vector<std::string> in_words(const Words& all) {
 
 /// "y", "w" or "x": K (J+1) rows. Those that a stopped call did not reach are made here.
 View rows_of(nb::handle_t<BatchAnswer> self, const std::string& name) {
-  BatchResult& r = nb::cast<BatchAnswer&>(self).result;
+  BatchAnswer& answer = nb::cast<BatchAnswer&>(self);
+  BatchResult& r = answer.result;
   add_missing_rows(r);
+  if (name == "w" && !r.w_is_due.empty()) {
+    const nb::gil_scoped_release released;
+    const std::lock_guard lock(answer.machine->busy);
+    add_rows_of_w(*answer.batch, *answer.machine->backend, r);
+  }
   return view(name == "y" ? r.y : name == "w" ? r.w : r.x, self);
+}
+
+/// "y" or "x" of results that stay on the backend: K x rows x columns, by DLPack.
+nb::ndarray<double> table_of(const std::shared_ptr<BatchAnswer>& answer, const std::string& name) {
+  const BatchResult& r = answer->result;
+  const Array& all = name == "y" ? r.arrays->y() : *r.arrays->x();
+  std::shared_ptr<double>& numbers = name == "y" ? answer->y : answer->x;
+  SharedMemory& memory = shared(*answer->machine);
+  if (!numbers) {
+    const nb::gil_scoped_release released;
+    const std::lock_guard lock(answer->machine->busy);
+    numbers = memory.numbers(all.rows() * all.cols());
+    memory.write(all, numbers.get());
+    answer->machine->backend->wait();
+  }
+  return python::handed_over(answer, numbers.get(), {r.scenes, r.rows(), all.cols()}, memory.place());
 }
 
 using Tables = std::map<std::string, Array3>;
@@ -260,6 +294,18 @@ void bind_batch(nb::module_& m) {
           "residual",
           [](nb::handle_t<BatchAnswer> self) { return view(nb::cast<BatchAnswer&>(self).result.residual, self); })
       .def("rows", &rows_of, nb::arg("name"))
+      .def_prop_ro("columns_on_backend",
+                   [](const BatchAnswer& a) -> std::optional<std::pair<Index, Index>> {
+                     if (!a.result.arrays) return std::nullopt;
+                     return std::pair(a.result.arrays->y().cols(),
+                                      a.result.arrays->x() ? a.result.arrays->x()->cols() : 0);
+                   })
+      .def_prop_ro("place",
+                   [](const BatchAnswer& a) {
+                     const SharedMemory::Place place = shared(*a.machine).place();
+                     return std::pair(place.kind, place.number);
+                   })
+      .def("capsule", &table_of, nb::arg("name"))
       .def_prop_ro("status", [](const BatchAnswer& a) { return in_words(a.result.status); })
       .def_prop_ro("method", [](const BatchAnswer& a) { return in_words(a.result.method); })
       .def_prop_ro("reason", [](const BatchAnswer& a) { return a.result.reason; })
@@ -286,8 +332,8 @@ void bind_batch(nb::module_& m) {
       .def("jvp", &forward_each, nb::arg("tables"), nb::arg("threads"))
       .def("vjp", &backward_each, nb::arg("tables"), nb::arg("threads"));
   m.def("solve_batch", &solve_many, nb::arg("models"), nb::arg("scenes"), nb::arg("axes"), nb::arg("x0").none(),
-        nb::arg("f"), nb::arg("g"), nb::arg("times"), nb::arg("options"), nb::arg("wanted"), nb::arg("progress").none(),
-        nb::arg("stop").none());
+        nb::arg("f"), nb::arg("g"), nb::arg("times"), nb::arg("keep_on_backend"), nb::arg("options"), nb::arg("wanted"),
+        nb::arg("progress").none(), nb::arg("stop").none());
 }
 
 }  // namespace bromwich::python

@@ -165,7 +165,7 @@ void bind_scene_arrays(nb::module_& m) {
       .def(
           "capsule",
           [](const std::shared_ptr<SharedTable>& t) {
-            return handed_over(t, t->numbers.get(), t->rows, t->cols, shared(*t->machine).place());
+            return handed_over(t, t->numbers.get(), {t->rows, t->cols}, shared(*t->machine).place());
           },
           "A DLPack capsule.");
   nb::class_<PreparedScenes>(m, "PreparedScenes")

@@ -10,6 +10,7 @@
 
 #include <memory>
 #include <string>
+#include <vector>
 
 namespace bromwich::python {
 
@@ -34,12 +35,12 @@ inline void check_place(const SharedMemory::Place& place, int kind, int number, 
 
 /// A DLPack array of these numbers, which live as long as their owner does.
 template <class Owner>
-nb::ndarray<double> handed_over(const std::shared_ptr<Owner>& owner, double* numbers, Index rows, Index cols,
+nb::ndarray<double> handed_over(const std::shared_ptr<Owner>& owner, double* numbers, const std::vector<Index>& shape,
                                 const SharedMemory::Place& place) {
   auto* kept = new std::shared_ptr<Owner>(owner);
   const nb::capsule keeper(kept, [](void* p) noexcept { delete static_cast<std::shared_ptr<Owner>*>(p); });
-  const std::size_t shape[] = {std::size_t(rows), std::size_t(cols)};
-  return {numbers, 2, shape, keeper, nullptr, nb::dtype<double>(), place.kind, place.number};
+  const std::vector<std::size_t> sizes(shape.begin(), shape.end());
+  return {numbers, sizes.size(), sizes.data(), keeper, nullptr, nb::dtype<double>(), place.kind, place.number};
 }
 
 }  // namespace bromwich::python
