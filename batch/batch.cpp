@@ -1,5 +1,7 @@
 #include "batch/batch.hpp"
 
+#include "batch/batch_groups.hpp"
+
 #include "core/base/error.hpp"
 #include "core/base/require.hpp"
 #include "core/base/text.hpp"
@@ -69,16 +71,20 @@ Batch batch_of(std::vector<Scene> scenes) {
 }
 
 Scene scene_of(const Batch& b, Index k) {
-  const std::size_t i = std::size_t(k);
-  if (!b.own.empty()) return b.own[i];
+  if (!b.own.empty()) return b.own[std::size_t(k)];
   Scene scene = b.common;
+  put_own_data(b, k, scene);
+  return scene;
+}
+
+void put_own_data(const Batch& b, Index k, Scene& scene) {
+  const std::size_t i = std::size_t(k);
   if (!b.A.empty() || !b.B.empty() || !b.N.empty() || !b.E.empty()) {
-    DenseDynamics d = to_dense(b.common.dynamics);
-    if (!b.A.empty()) d.A = b.A[i];
-    if (!b.B.empty()) d.B = b.B[i];
-    if (!b.N.empty()) d.N = b.N[i];
-    if (!b.E.empty()) d.E = b.E[i];
-    scene.dynamics = std::move(d);
+    const DenseDynamics& common = *b.common.dynamics->small_state();
+    const auto own = [&](const std::vector<Matrix>& each, const Matrix& shared) -> const Matrix& {
+      return each.empty() ? shared : each[i];
+    };
+    scene.dynamics = DenseDynamics{own(b.A, common.A), own(b.B, common.B), own(b.N, common.N), own(b.E, common.E)};
   }
   if (!b.M.empty()) scene.M = b.M[i];
   if (b.x0.size() > 0) scene.x0 = b.x0.row(k).transpose();
@@ -90,7 +96,6 @@ Scene scene_of(const Batch& b, Index k) {
     scene.no_pulses = b.no_pulses;
   }
   scene.exact = {};
-  return scene;
 }
 
 Index BatchResult::solved() const { return std::count(status.begin(), status.end(), Status::solved); }

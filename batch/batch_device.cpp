@@ -65,20 +65,20 @@ std::vector<Index> BatchRun::march_on_device(const LanePlan& plan, const std::ve
   std::vector<Prepared> taken;
   for (std::size_t i = 0; i < scenes.size(); ++i)
     good[i] ? taken.push_back(std::move(scenes[i])) : rest.push_back(group[i]);
-  for (const Prepared& left : march_on_device(shared_march_problem(plan), taken)) rest.push_back(left.scene);
+  for (const Prepared& left : march_on_device(shared_march_problem(plan), std::move(taken))) rest.push_back(left.scene);
   return rest;
 }
 
 // The same of scenes with plans of their own, of one kind.
-std::vector<BatchRun::Prepared> BatchRun::march_own_on_device(const std::vector<Prepared>& scenes) {
+std::vector<BatchRun::Prepared> BatchRun::march_own_on_device(std::vector<Prepared> scenes) {
   const LaneInput& first = scenes.front().input;
   if (!first.samples || first.plan->euler || !marches_on_device(*first.plan, Index(scenes.size()))) return scenes;
   SceneMarchProblem problem = own_march_problem(*first.plan, *first.samples);
   for (const Prepared& scene : scenes) problem.rigid |= scene.input.plan->rigid;
-  return march_on_device(problem, scenes);
+  return march_on_device(std::move(problem), std::move(scenes));
 }
 
-std::vector<BatchRun::Prepared> BatchRun::march_on_device(SceneMarchProblem problem, const std::vector<Prepared>& all) {
+std::vector<BatchRun::Prepared> BatchRun::march_on_device(SceneMarchProblem problem, std::vector<Prepared> all) {
   problem.rows = grid_rows_;
   const Index most = Index(share_of_memory * backend_.device().memory / bytes_of_scene(problem));
   const Index together = std::clamp<Index>(most, 1, std::max<Index>(1, Index(all.size())));
@@ -92,7 +92,7 @@ std::vector<BatchRun::Prepared> BatchRun::march_on_device(SceneMarchProblem prob
     const bool whole = count == batch_.scenes && scenes[0].scene == 0;  // in order, without a gap
     const DeviceStarts starts = starts_of(problem, scenes, count);
     march->start(starts.x0, starts.y0, starts.other, starts.plans);
-    touch_.reset();
+    touch_.clear();
     if (!arrays_) download_rows(*march, whole, y, x);
     const SceneMarchOutcome outcome = march->outcome();
     const Index sets = Index(1) << problem.layout.n;
@@ -143,14 +143,18 @@ BatchRun::DeviceStarts BatchRun::starts_of(const SceneMarchProblem& p, const Pre
   return starts;
 }
 
+// To the result itself where it is the whole one and has all states.
 void BatchRun::download_rows(SceneMarch& march, bool whole, RowMatrix& y, RowMatrix& x) {
-  RowMatrix& to = whole ? result_.y : y;
-  if (!whole && to.size() == 0) {
-    to.resize(march.y().rows(), march.y().cols());
-    const FirstTouch before_the_copy(to.data(), std::size_t(to.size()));
-  }
-  backend_.download(march.y(), to);
-  if (result_.x.size() > 0 || (result_.w.size() > 0 && !w_comes_later_)) backend_.download(march.x(), x);
+  const auto fetch = [&](const Array& from, RowMatrix& result, RowMatrix& rows) {
+    RowMatrix& to = whole && (&result == &result_.y || has_all_states(first_of(batch_))) ? result : rows;
+    if (&to == &rows && to.size() == 0) {
+      to.resize(from.rows(), from.cols());
+      const FirstTouch before_the_copy(to.data(), std::size_t(to.size()));
+    }
+    backend_.download(from, to);
+  };
+  fetch(march.y(), result_.y, y);
+  if (result_.x.size() > 0 || (result_.w.size() > 0 && !w_comes_later_)) fetch(march.x(), result_.x, x);
 }
 
 // Runs of neighbours at once.
@@ -168,8 +172,9 @@ void BatchRun::keep_rows(const LaneInput& input, Index k, Index i, bool whole, c
   const auto own_y = (whole ? result_.y : y).middleRows(i * rows_, rows_);
   if (!whole) rows_of(result_.y, k) = own_y;
   if (result_.w.size() == 0 && result_.x.size() == 0) return;
-  const auto own_x = x.middleRows(i * rows_, rows_);
-  if (result_.x.size() > 0) rows_of(result_.x, k) = own_x(Eigen::all, result_.x_components);
+  const bool x_is_there = whole && has_all_states(first_of(batch_));
+  const auto own_x = (x_is_there ? result_.x : x).middleRows(i * rows_, rows_);
+  if (result_.x.size() > 0 && !x_is_there) rows_of(result_.x, k) = own_x(Eigen::all, result_.x_components);
   if (w_comes_later_) result_.w_is_due[std::size_t(k)] = 1;
   if (result_.w.size() == 0 || w_comes_later_) return;
   const Scene scene = scene_of(batch_, k);

@@ -11,6 +11,8 @@ namespace bromwich {
 /// The scene from which sizes and times are taken.
 inline const Scene& first_of(const Batch& b) { return b.own.empty() ? b.common : b.own.front(); }
 
+/// Gives a copy of `common` what scene k has of its own. Precondition: `own` is empty.
+void put_own_data(const Batch&, Index k, Scene&);
 /// Some scene has A, B, N, M or E of its own.
 bool own_matrices(const Batch&);
 /// Some scene has f or g of its own.

@@ -71,7 +71,8 @@ BatchRun::BatchRun(const Batch& batch, Backend& backend, const Options& options,
   for (RowMatrix* fresh : {&result_.y, &result_.w, &result_.x})
     ask_for_large_pages(fresh->data(), std::size_t(fresh->size()));
   if (batch.keep_on_backend && backend.fused().slabs) keep_on_backend(first);
-  if (backend.fused().scene_march && !arrays_) touch_.emplace(result_.y.data(), std::size_t(result_.y.size()));
+  for (RowMatrix* fresh : {&result_.y, &result_.x})
+    if (backend.fused().scene_march && !arrays_) touch_.emplace_back(fresh->data(), std::size_t(fresh->size()));
   const std::size_t K = std::size_t(batch.scenes);
   result_.status.assign(K, Status::interrupted);
   result_.reason.assign(K, "");
@@ -82,11 +83,18 @@ BatchRun::BatchRun(const Batch& batch, Backend& backend, const Options& options,
   done_.assign(K, 0);
 }
 
+bool BatchRun::has_all_states(const Scene& scene) const {
+  const std::vector<Index>& recorded = result_.x_components;
+  for (std::size_t i = 0; i < recorded.size(); ++i)
+    if (recorded[i] != Index(i)) return false;
+  return Index(recorded.size()) == scene.states();
+}
+
 void BatchRun::keep_on_backend(const Scene& first) {
   const Index states = result_.x.cols();
-  if (states != 0 && states != first.states())
+  if (states != 0 && !has_all_states(first))
     throw Error("states", text("has %ld of %ld states", long(states), long(first.states())),
-                "record all or none where results stay on the device");
+                "record all of them, in order, or none where results stay on the device");
   result_.w.resize(0, 0);
   arrays_ = std::make_shared<BatchArrays>(backend_, batch_.scenes, rows_, result_.y.cols(), states);
 }
@@ -95,7 +103,7 @@ BatchResult BatchRun::run(const std::function<void(const Progress&)>& progress, 
   Timer timer;
   progress_ = progress;
   fill = fill || arrays_;
-  w_comes_later_ = !fill && result_.w.size() > 0 && result_.x.cols() == first_of(batch_).states();
+  w_comes_later_ = !fill && result_.w.size() > 0 && has_all_states(first_of(batch_));
   if (w_comes_later_) result_.w_is_due.assign(std::size_t(batch_.scenes), 0);
   std::vector<Index> alone;
   for (const std::vector<Index>& group : groups_of(batch_)) {
@@ -249,7 +257,7 @@ bool BatchRun::input_of(const LanePlan& plan, Index k, LaneInput& input) const {
 Index BatchRun::march(const std::vector<Prepared>& scenes) {
   const Index count = Index(scenes.size()), ranges = (count + lanes - 1) / lanes;
   if (count == 0) return 0;
-  touch_.reset();
+  touch_.clear();
   const Index shared = std::max<Index>(1, ranges / (4 * std::max(1, backend_.threads())));
   std::atomic<Index> settled = 0;
   share(backend_, ranges, shared, [&](Index begin, Index end) {
@@ -306,7 +314,7 @@ bool BatchRun::may_be_side_by_side(const Scene& scene) const {
 }
 
 void BatchRun::take_singly(const std::vector<Index>& scenes, bool shares) {
-  touch_.reset();
+  touch_.clear();
   std::vector<Index> left;
   const auto to_do = [&] {
     left.clear();

@@ -11,6 +11,7 @@
 #include "single_solves.hpp"
 
 #include <atomic>
+#include <deque>
 #include <functional>
 #include <memory>
 #include <optional>
@@ -41,6 +42,7 @@ class BatchRun {
   Eigen::Block<RowMatrix> rows_of(RowMatrix& all, Index k) {
     return all.block(k * rows_, 0, all.size() > 0 ? rows_ : 0, all.cols());
   }
+  bool has_all_states(const Scene&) const;  ///< x of the result, in order
   void keep_on_backend(const Scene& first);
   void say(Index more);
   bool asked_to_stop();
@@ -51,6 +53,15 @@ class BatchRun {
   std::vector<NaturalUnits> units_of(const std::vector<Index>& group);
   void march_group(const LanePlan&, const std::vector<Index>& group);
   bool input_of(const LanePlan&, Index k, LaneInput&) const;
+  struct OwnPlans;
+  // A plan of one scene.
+  struct Planned {
+    std::unique_ptr<LanePlan> plan;
+    LaneInput input;
+  };
+  std::optional<OwnPlans> common_of_plans(const std::vector<Index>& scenes) const;
+  void plan_with_samples(const OwnPlans&, Index k, Scene&, Planned&) const;
+  void plan_with_own_sources(const OwnPlans&, Index k, Planned&) const;
   void take_own(const std::vector<Index>& scenes);
   // Scenes for a device: their first rows and plans.
   struct DeviceStarts {
@@ -60,8 +71,8 @@ class BatchRun {
   bool marches_on_device(const LanePlan&, Index scenes) const;
   DeviceStarts starts_of(const SceneMarchProblem&, const Prepared*, Index count) const;
   std::vector<Index> march_on_device(const LanePlan&, const std::vector<Index>& group);
-  std::vector<Prepared> march_own_on_device(const std::vector<Prepared>&);
-  std::vector<Prepared> march_on_device(SceneMarchProblem, const std::vector<Prepared>&);
+  std::vector<Prepared> march_own_on_device(std::vector<Prepared>);
+  std::vector<Prepared> march_on_device(SceneMarchProblem, std::vector<Prepared>);
   void download_rows(SceneMarch&, bool whole, RowMatrix& y, RowMatrix& x);
   void keep_rows(const LaneInput&, Index k, Index i, bool whole, const RowMatrix& y, const RowMatrix& x);
   void keep_in_arrays(SceneMarch&, const Prepared*, const std::vector<char>& settled);
@@ -87,7 +98,7 @@ class BatchRun {
   SingleSolves alone_;
   const MakeBackend another_;
   std::optional<SideBySide> side_by_side_;  ///< made when it is needed first
-  std::optional<FirstTouch> touch_;         ///< of y while a device works; ends before y is written
+  std::deque<FirstTouch> touch_;            ///< of y and x while a device works; ends before they are written
 };
 
 }  // namespace bromwich

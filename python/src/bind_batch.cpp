@@ -151,20 +151,29 @@ View rows_of(nb::handle_t<BatchAnswer> self, const std::string& name) {
   return view(name == "y" ? r.y : name == "w" ? r.w : r.x, self);
 }
 
-/// "y" or "x" of results that stay on the backend: K x rows x columns, by DLPack.
+const Array& array_of(const BatchAnswer& answer, const std::string& name) {
+  return name == "y" ? answer.result.arrays->y() : *answer.result.arrays->x();
+}
+
+/// "y" or "x" of results that stay on the backend, row by row.
+double* numbers_of(BatchAnswer& answer, const std::string& name) {
+  std::shared_ptr<double>& numbers = name == "y" ? answer.y : answer.x;
+  if (numbers) return numbers.get();
+  const nb::gil_scoped_release released;
+  const std::lock_guard lock(answer.machine->busy);
+  SharedMemory& memory = shared(*answer.machine);
+  const Array& all = array_of(answer, name);
+  numbers = memory.numbers(all.rows() * all.cols());
+  memory.write(all, numbers.get());
+  answer.machine->backend->wait();
+  return numbers.get();
+}
+
+/// The same by DLPack, K x rows x columns.
 nb::ndarray<double> table_of(const std::shared_ptr<BatchAnswer>& answer, const std::string& name) {
   const BatchResult& r = answer->result;
-  const Array& all = name == "y" ? r.arrays->y() : *r.arrays->x();
-  std::shared_ptr<double>& numbers = name == "y" ? answer->y : answer->x;
-  SharedMemory& memory = shared(*answer->machine);
-  if (!numbers) {
-    const nb::gil_scoped_release released;
-    const std::lock_guard lock(answer->machine->busy);
-    numbers = memory.numbers(all.rows() * all.cols());
-    memory.write(all, numbers.get());
-    answer->machine->backend->wait();
-  }
-  return python::handed_over(answer, numbers.get(), {r.scenes, r.rows(), all.cols()}, memory.place());
+  return python::handed_over(answer, numbers_of(*answer, name), {r.scenes, r.rows(), array_of(*answer, name).cols()},
+                             shared(*answer->machine).place());
 }
 
 using Tables = std::map<std::string, Array3>;
@@ -306,6 +315,10 @@ void bind_batch(nb::module_& m) {
                      return std::pair(place.kind, place.number);
                    })
       .def("capsule", &table_of, nb::arg("name"))
+      .def(
+          "address",
+          [](BatchAnswer& a, const std::string& name) { return reinterpret_cast<std::uintptr_t>(numbers_of(a, name)); },
+          nb::arg("name"))
       .def_prop_ro("status", [](const BatchAnswer& a) { return in_words(a.result.status); })
       .def_prop_ro("method", [](const BatchAnswer& a) { return in_words(a.result.method); })
       .def_prop_ro("reason", [](const BatchAnswer& a) { return a.result.reason; })

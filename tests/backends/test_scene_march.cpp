@@ -142,8 +142,10 @@ TEST_P(BackendScenes, GiveRowsAtTimePointsOfTheGrid) {
     const BatchResult some = solve_batch(batch, *backend, options);
     EXPECT_EQ(some.in_lanes, all.in_lanes);
     for (Index k = 0; k < scenes; ++k)
-      for (const auto& [of_some, of_all] : {std::pair(&some.y, &all.y), {&some.x, &all.x}, {&some.w, &all.w}})
-        EXPECT_EQ(some.of(*of_some, k), RowMatrix(all.of(*of_all, k)(std::vector<Index>{0, 29, J}, Eigen::all))) << k;
+      for (const auto& [of_some, of_all] : {std::pair(&some.y, &all.y), {&some.x, &all.x}, {&some.w, &all.w}}) {
+        const RowMatrix rows = all.of(*of_all, k)(std::vector<Index>{0, 29, J}, Eigen::all);
+        EXPECT_LE((some.of(*of_some, k) - rows).cwiseAbs().maxCoeff(), 16 * epsilon) << k;  // terms of w are below 2
+      }
     batch.times = {0.123 * batch.common.T};  // not on the grid: by single solves
     EXPECT_EQ(solve_batch(batch, *backend, options).in_lanes, 0);
   }
