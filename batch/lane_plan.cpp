@@ -143,6 +143,7 @@ std::unique_ptr<LanePlan> LanePlan::make(const Scene& given, Backend& backend, I
   if (why = unsuitable(given); !why.empty()) return nullptr;
   Scene scene = given;
   if (own_sources) scene.f = {}, scene.g = {}, scene.breakpoints.clear(), scene.breakpoints_are_all = true;
+  if (own_sources) scene.x0.setZero();  // the start of a scene is none of the plan
   const NaturalUnits units = nearby ? *nearby : natural_units(given);  // as a single solve: e^{hA} keeps more digits
   auto natural = std::make_unique<Scene>(in_natural_units(scene, units));
   const auto family = std::make_shared<GridFamily>();

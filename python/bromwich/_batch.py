@@ -45,17 +45,34 @@ class BatchResult(BatchOutput):
 
     def __init__(self, answer: _core.BatchAnswer | DealtAnswer, scene: Scene) -> None:
         self._answer, self.scene = answer, scene
-        self.status = [Status(word) for word in answer.status]
-        self.reason: list[str] = answer.reason
-        self.warning: list[str] = answer.warning
-        self.method: list[str] = answer.method
         self.t: np.ndarray = answer.t
         self.residual: np.ndarray = answer.residual
-        self.infeasible_at = np.array(answer.infeasible_at)
         self.x_components: list[int] = answer.x_components
         self.in_lanes: int = answer.in_lanes
         self.backend: str = answer.backend
         self.seconds: float = answer.seconds
+
+    # Lists of K entries take longer to make than the steps of many a batch.
+    @cached_property
+    def status(self) -> list[Status]:
+        words = {str(s): s for s in Status}
+        return [words[word] for word in self._answer.status]
+
+    @cached_property
+    def reason(self) -> list[str]:
+        return self._answer.reason
+
+    @cached_property
+    def warning(self) -> list[str]:
+        return self._answer.warning
+
+    @cached_property
+    def method(self) -> list[str]:
+        return self._answer.method
+
+    @cached_property
+    def infeasible_at(self) -> np.ndarray:
+        return np.array(self._answer.infeasible_at)
 
     @cached_property
     def y(self) -> np.ndarray:
@@ -85,7 +102,7 @@ class BatchResult(BatchOutput):
     @property
     def ok(self) -> np.ndarray:
         """K booleans: whether the status is ``solved``."""
-        return np.array([s is Status.solved for s in self.status])
+        return np.array(self._answer.solved, dtype=bool)
 
     def derivative(self, *, located: bool | None = None, threads: int = 1, failed: str = "nan") -> BatchDerivative:
         """The derivatives of all scenes, with their ``jvp`` and ``vjp`` (:class:`BatchDerivative`). With located switches

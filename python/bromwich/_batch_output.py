@@ -29,10 +29,10 @@ class BatchOutput:
 
     scene: Scene
     t: np.ndarray
-    status: list[Status]
-    reason: list[str]
-    warning: list[str]
-    method: list[str]
+    status: Any
+    reason: Any
+    warning: Any
+    method: Any
     residual: np.ndarray
     x_components: list[int]
     x: Any

@@ -115,6 +115,7 @@ class DealtAnswer:
             for whole, part in zip(lists, found):
                 whole[rank :: ranks.size] = part
         self.status, self.reason, self.warning, self.method, self.infeasible_at = lists
+        self.solved = [word == "solved" for word in self.status]
         self.in_lanes, self.prepared = (sum(found[-1][i] for found in everywhere) for i in (0, 1))
         self.seconds = max(found[-1][2] for found in everywhere)
         self.t = np.array(own.t)

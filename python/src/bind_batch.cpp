@@ -320,6 +320,13 @@ void bind_batch(nb::module_& m) {
           [](BatchAnswer& a, const std::string& name) { return reinterpret_cast<std::uintptr_t>(numbers_of(a, name)); },
           nb::arg("name"))
       .def_prop_ro("status", [](const BatchAnswer& a) { return in_words(a.result.status); })
+      .def_prop_ro("solved",
+                   [](const BatchAnswer& a) {
+                     std::string solved;  // a byte each
+                     for (const Status status : a.result.status) solved += char(status == Status::solved);
+                     const nb::bytes bytes(solved.data(), solved.size());
+                     return nb::module_::import_("numpy").attr("frombuffer")(bytes, "bool");
+                   })
       .def_prop_ro("method", [](const BatchAnswer& a) { return in_words(a.result.method); })
       .def_prop_ro("reason", [](const BatchAnswer& a) { return a.result.reason; })
       .def_prop_ro("warning", [](const BatchAnswer& a) { return a.result.warning; })
