@@ -143,7 +143,7 @@ std::unique_ptr<LanePlan> LanePlan::make(const Scene& given, Backend& backend, I
   if (why = unsuitable(given); !why.empty()) return nullptr;
   Scene scene = given;
   if (own_sources) scene.f = {}, scene.g = {}, scene.breakpoints.clear(), scene.breakpoints_are_all = true;
-  if (own_sources) scene.x0.setZero();  // the start of a scene is none of the plan
+  if (own_sources) scene.x0.setZero();                                 // the start of a scene is none of the plan
   const NaturalUnits units = nearby ? *nearby : natural_units(given);  // as a single solve: e^{hA} keeps more digits
   auto natural = std::make_unique<Scene>(in_natural_units(scene, units));
   const auto family = std::make_shared<GridFamily>();
@@ -160,7 +160,8 @@ std::unique_ptr<LanePlan> LanePlan::make(const Scene& given, Backend& backend, I
   p->has_f_ = bool(given.f);
   const double size = scene.T * p->A.cwiseAbs().colwise().sum().maxCoeff();
   if (!(epsilon * size <= rounding_of_time)) return why = "long times", nullptr;
-  if (d.f.not_finite() >= 0 || d.g.not_finite() >= 0) return why = "sources that are not finite", nullptr;
+  if (!own_sources && (d.f.not_finite() >= 0 || d.g.not_finite() >= 0))
+    return why = "sources that are not finite", nullptr;
   p->stages = !methods.basis().continuous || methods.basis().rings || methods.basis().only_in_sweeps;
   if (methods.basis().rings) p->most_growth = growth_with_rings;
   p->natural = std::move(natural);
@@ -170,7 +171,7 @@ std::unique_ptr<LanePlan> LanePlan::make(const Scene& given, Backend& backend, I
   if (p->stages)
     p->units = units;
   else
-    p->to_units_of(scene, units);
+    p->to_units_of(scene, units), p->make_tables();
   if (own_sources) p->make_maps(given);
   return p;
 }
@@ -185,9 +186,7 @@ bool LanePlan::take_continuous(Methods& methods, bool own_sources, std::string& 
       check_weights(d, dense_recurrence(dense, *step), INFINITY).error > known_weights)
     return why = "weights that are not known well", false;
   whole.E = step->decay, whole.L = step->left * B, whole.R = step->right * B;
-  whole.problem = problem_of(M + N * whole.R);
-  at_zero = problem_of(M);
-  if (surely_P && !has_one_solution(classify(LcpMatrix(whole.problem->matrix()))))
+  if (surely_P && !has_one_solution(classify(LcpMatrix(Matrix(M + N * whole.R)))))
     return why = "steps of another class than P", false;
   if (least_elements && !look_for_others(why)) return false;
   F_ = source_matrix(d), drive_left_ = step->left * F_, drive_right_ = step->right * F_;
@@ -335,6 +334,12 @@ LaneStart LanePlan::start(const Vector& x0, const Vector& g) const {
   return start;
 }
 
+// With continuous y, in the units of the scene.
+void LanePlan::make_tables() {
+  whole.problem = problem_of(M + N * whole.R);
+  at_zero = problem_of(M);
+}
+
 // From natural units to those of the scene.
 void LanePlan::to_units_of(const Scene& scene, const NaturalUnits& given) {
   if (given.trivial()) return;
@@ -350,16 +355,13 @@ void LanePlan::to_units_of(const Scene& scene, const NaturalUnits& given) {
   const DenseDynamics& d = *scene.dynamics->small_state();
   A = d.A, B = d.B, N = d.N, M = to_dense(scene.M);
   const auto restate = [&](StepMaps& maps) {
-    if (maps.R.size() > 0) {
-      scale(maps.E, given.x, &given.x), scale(maps.L, given.x, &given.y), scale(maps.R, given.x, &given.y);
-      maps.problem = problem_of(M + N * maps.R);
-    } else {
-      maps.problem = problem_of(M);
-    }
+    scale(maps.E, given.x, &given.x), scale(maps.L, given.x, &given.y), scale(maps.R, given.x, &given.y);
   };
   restate(whole);
-  for (StepMaps& maps : maps_of_parts) restate(maps);
-  at_zero = problem_of(M);
+  for (StepMaps& maps : maps_of_parts) {
+    if (maps.R.size() > 0) restate(maps);
+    maps.problem = problem_of(maps.R.size() > 0 ? Matrix(M + N * maps.R) : M);
+  }
   if (others) others.emplace(M);
   if (euler) add_euler(*this);
   const std::vector<int>* of_f = units_of_f(scene, given);

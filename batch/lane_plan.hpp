@@ -128,6 +128,7 @@ class LanePlan {
   bool look_for_others(std::string& why);
   bool add_parts(const DiscreteProblem&, std::string& why);
   void to_units_of(const Scene&, const NaturalUnits&);
+  void make_tables();
   std::unique_ptr<ActiveSetTable> problem_of(const Matrix&) const;
   double limit_of(unsigned set) const;
   void make_maps(const Scene&);

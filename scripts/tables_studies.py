@@ -318,6 +318,26 @@ def batches(data):
     return lines
 
 
+def whole_batches(data):
+    """One line a case: whole calls from Python, on every backend and with every place of the results."""
+    ways = [way for way in (("cpu", "host"), ("cpu", "last"), ("cuda", "host"), ("cuda", "last"), ("cuda", "device"))
+            if any((row["backend"], row["results"]) == way for row in data["rows"])]
+    words = {"host": "all rows", "last": "last row", "device": "rows stay"}
+    lines = ["| states, constraints | matrices | " + " | ".join(f"{backend}, {words[place]}" for backend, place in ways) + " |",
+             "|--" * (2 + len(ways)) + "|"]
+    cases = {}
+    for row in data["rows"]:
+        kind = {"P": "M of class P", "skew": "M skew, stages"}[row["class"]] + (", with f" if row["f"] else "")
+        key = f"{row['states']}, {row['constraints']}, {kind}", row["matrices"]
+        cases.setdefault(key, {})[row["backend"], row["results"]] = f"{row['ns']['median']:.1f}"
+    lines += [f"| {name} | {matrices} | " + " | ".join(found[way] for way in ways) + " |" for (name, matrices), found in cases.items()]
+    worst = max(row["difference"] for row in data["rows"])
+    devices = "".join(f"{name}, " for name in data["machine"]["devices"])
+    return lines + ["", f"Nanoseconds a scene and step, whole calls from Python, medians of {data['repeats']}: {data['scenes']} scenes, "
+                    f"{data['steps']} steps. x(T) differs by at most {worst:.0e} of the largest from that of the processor. {devices}"
+                    f"{data['machine']['cpu']}, {data['threads']} threads, {data['compiler']}, {origin(data)}."]
+
+
 def streams(data):
     rows, one = data["rows"], data["rows"][0]
     lines = ["| threads | whole solve | of one thread's | prepared solve | of one thread's | solved |", "|--" * 6 + "|"]

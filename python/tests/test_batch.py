@@ -119,3 +119,32 @@ def test_files_data_sets_and_pictures(tmp_path):
     assert len(axes.lines) == 3 and axes.get_ylabel() == "v [m]" and axes.get_xlabel() == "t [s]"
     many = bromwich.solve_batch(A=[[-1.0]], B=[[1.0]], N=[[1.0]], M=[[1.0]], x0=np.ones((20, 1)), T=1, steps=10)
     assert many.plot("x0").collections[0].get_array().shape == (20, 11)
+
+
+def test_rows_at_times_of_the_grid_and_matrices_of_their_own():
+    A = -np.linspace(0.5, 2, 40).reshape(40, 1, 1)
+    shared = {**ONE, "A": A, "g": "-sin(3*t)", "f": "cos(t)"}
+    every = bromwich.solve_batch(**shared)
+    assert every.in_lanes == 40
+    some = bromwich.solve_batch(**shared, times=[0.5, 2.0])
+    assert some.in_lanes == 40 and some.y.shape == (40, 2, 1)
+    for name in ("y", "x", "w"):
+        assert np.abs(getattr(some, name) - getattr(every, name)[:, [16, 64]]).max() <= SAME
+    between = bromwich.solve_batch(**shared, times=[0.51])  # not on the grid: by single solves
+    assert between.in_lanes == 0 and between.y.shape == (40, 1, 1)
+
+
+def test_w_is_that_of_the_rows():
+    x0 = np.linspace(-1, 1, 11).reshape(11, 1)
+    r = bromwich.solve_batch(**ONE, g="-sin(3*t)", x0=x0)
+    assert np.abs(r.w - (r.x + r.y - np.sin(3 * r.t)[:, None])).max() <= SAME
+    none = bromwich.solve_batch(**ONE, g="-sin(3*t)", x0=x0, states="none")
+    assert none.x.shape == (11, 65, 0) and np.abs(none.w - r.w).max() <= SAME
+
+
+def test_where_results_are():
+    x0 = np.linspace(-1, 1, 40).reshape(40, 1)
+    r = bromwich.solve_batch(**ONE, g="-sin(3*t)", x0=x0, backend="cpu", results="device")
+    assert isinstance(r.y, np.ndarray) and r.ok.all()
+    with pytest.raises(bromwich.Error, match='results: is \'disk\'; use "host" or "device"'):
+        bromwich.solve_batch(**ONE, x0=x0, results="disk")

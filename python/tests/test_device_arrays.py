@@ -210,3 +210,26 @@ def test_widths_on_a_device(size):
     host = bromwich.ArraySolver(scene, steps=STEPS, backend="cpu").solve(g=g, check=True)
     close(numpy_of(take(r.y)), np.asarray(host.y))
     close(numpy_of(take(r.w)), np.asarray(host.w))
+
+
+@pytest.mark.parametrize("name", LIBRARIES)
+def test_batches_stay_on_the_device(name):
+    """Their rows there are those that the processor gives, also of scenes that the device has not settled."""
+    _, take, address = library(name)
+    rng = np.random.default_rng(5)
+    scenes = dict(A=-np.eye(2) + 0.2 * rng.normal(size=(80, 2, 2)), B=np.eye(2), N=np.eye(2), M=np.eye(2), T=3.0, steps=64)
+    x0 = rng.normal(size=(80, 2))
+    x0[7] = np.nan  # refused, and a row of NaN
+    scenes |= dict(g=["-sin(3*t)", "0.3 - cos(t)"], f=["cos(2*t)", "0"], x0=x0, check=False)
+    on_host = bromwich.solve_batch(**scenes, backend="cpu")
+    r = bromwich.solve_batch(**scenes, backend="cuda", results="device")
+    assert r.y.shape == (80, 65, 2) and r.status == on_host.status and r.w.shape == (80, 65, 0)
+    y, x = take(r.y), take(r.x)
+    assert address(y) == r.y.__cuda_array_interface__["data"][0]
+    for found, expected in ((y, on_host.y), (x, on_host.x), (r.y, on_host.y)):
+        found = numpy_of(found)
+        np.testing.assert_array_equal(np.isnan(found), np.isnan(expected))
+        assert np.nanmax(np.abs(found - expected)) <= 1e-12
+    np.testing.assert_allclose(r.mean("x0")[:5], on_host.mean("x0")[:5], rtol=0, atol=1e-12)
+    with pytest.raises(bromwich.Error, match="results"):
+        r.derivative()
