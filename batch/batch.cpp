@@ -1,7 +1,5 @@
 #include "batch/batch.hpp"
 
-#include "batch/batch_groups.hpp"
-
 #include "core/base/error.hpp"
 #include "core/base/require.hpp"
 #include "core/base/text.hpp"
@@ -68,34 +66,6 @@ Batch batch_of(std::vector<Scene> scenes) {
   batch.scenes = Index(scenes.size());
   batch.own = std::move(scenes);
   return batch;
-}
-
-Scene scene_of(const Batch& b, Index k) {
-  if (!b.own.empty()) return b.own[std::size_t(k)];
-  Scene scene = b.common;
-  put_own_data(b, k, scene);
-  return scene;
-}
-
-void put_own_data(const Batch& b, Index k, Scene& scene) {
-  const std::size_t i = std::size_t(k);
-  if (!b.A.empty() || !b.B.empty() || !b.N.empty() || !b.E.empty()) {
-    const DenseDynamics& common = *b.common.dynamics->small_state();
-    const auto own = [&](const std::vector<Matrix>& each, const Matrix& shared) -> const Matrix& {
-      return each.empty() ? shared : each[i];
-    };
-    scene.dynamics = DenseDynamics{own(b.A, common.A), own(b.B, common.B), own(b.N, common.N), own(b.E, common.E)};
-  }
-  if (!b.M.empty()) scene.M = b.M[i];
-  if (b.x0.size() > 0) scene.x0 = b.x0.row(k).transpose();
-  if (!b.f.empty()) scene.f = b.f[i];
-  if (!b.g.empty()) scene.g = b.g[i];
-  if (!b.breakpoints.empty()) scene.breakpoints = b.breakpoints[i];
-  if (!b.f.empty() || !b.g.empty() || !b.breakpoints.empty()) {
-    scene.breakpoints_are_all = b.breakpoints_are_all;
-    scene.no_pulses = b.no_pulses;
-  }
-  scene.exact = {};
 }
 
 Index BatchResult::solved() const { return std::count(status.begin(), status.end(), Status::solved); }

@@ -130,6 +130,7 @@ BatchRun::DeviceStarts BatchRun::starts_of(const SceneMarchProblem& p, const Pre
   DeviceStarts starts{RowMatrix(count, p.layout.m), RowMatrix(count, p.layout.n),
                       RowMatrix(own ? count : 0, own ? p.layout.at(scene_steps::PlanTable::count) : 0),
                       std::vector<char>(K), std::vector<char>(K)};
+  ask_for_large_pages(starts.plans.data(), std::size_t(starts.plans.size()));
   backend_.each_range(count, 64, [&](Index begin, Index end) {
     for (Index i = begin; i < end; ++i) {
       const LaneInput& input = scenes[i].input;

@@ -41,6 +41,34 @@ Scene with_constant_sources(Scene scene) {
   return scene;
 }
 
+Scene scene_of(const Batch& b, Index k) {
+  if (!b.own.empty()) return b.own[std::size_t(k)];
+  Scene scene = b.common;
+  put_own_data(b, k, scene);
+  return scene;
+}
+
+void put_own_data(const Batch& b, Index k, Scene& scene) {
+  const std::size_t i = std::size_t(k);
+  if (!b.A.empty() || !b.B.empty() || !b.N.empty() || !b.E.empty()) {
+    const DenseDynamics& common = *b.common.dynamics->small_state();
+    const auto own = [&](const std::vector<Matrix>& each, const Matrix& shared) -> const Matrix& {
+      return each.empty() ? shared : each[i];
+    };
+    scene.dynamics = DenseDynamics{own(b.A, common.A), own(b.B, common.B), own(b.N, common.N), own(b.E, common.E)};
+  }
+  if (!b.M.empty()) scene.M = b.M[i];
+  if (b.x0.size() > 0) scene.x0 = b.x0.row(k).transpose();
+  if (!b.f.empty()) scene.f = b.f[i];
+  if (!b.g.empty()) scene.g = b.g[i];
+  if (!b.breakpoints.empty()) scene.breakpoints = b.breakpoints[i];
+  if (!b.f.empty() || !b.g.empty() || !b.breakpoints.empty()) {
+    scene.breakpoints_are_all = b.breakpoints_are_all;
+    scene.no_pulses = b.no_pulses;
+  }
+  scene.exact = {};
+}
+
 std::vector<std::vector<Index>> groups_of(const Batch& b) {
   std::vector<std::vector<Index>> groups;
   if (b.own.empty() && !own_matrices(b)) {

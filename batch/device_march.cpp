@@ -53,8 +53,7 @@ SceneMarchProblem scene_march_problem(const LanePlan& p) {
 
 void write_plan(const LanePlan& p, const PlanLayout& layout, double* to) {
   const auto put = [&](PlanTable table, const auto& values) {
-    const RowMatrix rows = values;
-    std::copy_n(rows.data(), std::min(rows.size(), layout.size_of(table)), to + layout.at(table));
+    if (layout.size_of(table) > 0) Eigen::Map<RowMatrix>(to + layout.at(table), values.rows(), values.cols()) = values;
   };
   const GrowthMaps growth = p.growth();
   put(PlanTable::E, p.whole.E), put(PlanTable::L, p.whole.L), put(PlanTable::R, p.whole.R);
@@ -73,7 +72,8 @@ void write_plan(const LanePlan& p, const PlanLayout& layout, double* to) {
     to[layout.at(PlanTable::g_scale) + i] = p.maps.g.size() > 0 ? p.maps.g[i % p.n] : 1;
   if (layout.k == 0) return;
   put(PlanTable::drift_map, p.maps.drift), put(PlanTable::q_map, p.maps.q);
-  put(PlanTable::growth_map, p.stages ? p.maps.growth : RowMatrix()), put(PlanTable::f_map, p.maps.f);
+  put(PlanTable::growth_map, p.stages ? p.maps.growth : RowMatrix(RowMatrix::Zero(p.m, layout.k)));
+  put(PlanTable::f_map, p.maps.f);
 }
 
 SceneMarchProblem shared_march_problem(const LanePlan& p) {

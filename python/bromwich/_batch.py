@@ -32,13 +32,9 @@ class BatchResult(BatchOutput):
     """What :func:`solve_batch` returns, for K scenes.
 
     Attributes:
-        status: K values of :class:`Status`; ``unsupported`` where the data of one scene are refused.
-        reason, warning: K lines; empty where there is nothing to say.
-        method: K words, the method that solved each scene.
         t: times of the rows: J+1 time points, or the ``times`` that were given.
         residual: K values, max over time of ||min(y, w)|| / max(1, ||N x + g||), maximum norms.
         scene: the first scene, or that of the shared data, with names and units.
-        infeasible_at: K times; NaN where there is none.
         in_lanes: scenes that were stepped side by side.
         backend, seconds: as in :class:`Result`.
     """
@@ -55,23 +51,28 @@ class BatchResult(BatchOutput):
     # Lists of K entries take longer to make than the steps of many a batch.
     @cached_property
     def status(self) -> list[Status]:
+        """K values; ``unsupported`` where the data of one scene are refused."""
         words = {str(s): s for s in Status}
         return [words[word] for word in self._answer.status]
 
     @cached_property
     def reason(self) -> list[str]:
+        """K lines; empty where there is nothing to say."""
         return self._answer.reason
 
     @cached_property
     def warning(self) -> list[str]:
+        """K lines, likewise."""
         return self._answer.warning
 
     @cached_property
     def method(self) -> list[str]:
+        """K words, the method that solved each scene."""
         return self._answer.method
 
     @cached_property
     def infeasible_at(self) -> np.ndarray:
+        """K times; NaN where there is none."""
         return np.array(self._answer.infeasible_at)
 
     @cached_property

@@ -123,7 +123,7 @@ def test_files_data_sets_and_pictures(tmp_path):
 
 def test_rows_at_times_of_the_grid_and_matrices_of_their_own():
     A = -np.linspace(0.5, 2, 40).reshape(40, 1, 1)
-    shared = {**ONE, "A": A, "g": "-sin(3*t)", "f": "cos(t)"}
+    shared = {**ONE, "A": A, "g": "-sin(3*t)", "f": "cos(t)", "x0": [0.2]}
     every = bromwich.solve_batch(**shared)
     assert every.in_lanes == 40
     some = bromwich.solve_batch(**shared, times=[0.5, 2.0])
