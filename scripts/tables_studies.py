@@ -333,9 +333,9 @@ def whole_batches(data):
     lines += [f"| {name} | {matrices} | " + " | ".join(found[way] for way in ways) + " |" for (name, matrices), found in cases.items()]
     worst = max(row["difference"] for row in data["rows"])
     devices = "".join(f"{name}, " for name in data["machine"]["devices"])
+    agree = f"x(T) differs by at most {worst:.0e} of the largest from that of the processor. {devices}" if devices else ""
     return lines + ["", f"Nanoseconds a scene and step, whole calls from Python, medians of {data['repeats']}: {data['scenes']} scenes, "
-                    f"{data['steps']} steps. x(T) differs by at most {worst:.0e} of the largest from that of the processor. {devices}"
-                    f"{data['machine']['cpu']}, {data['threads']} threads, {data['compiler']}, {origin(data)}."]
+                    f"{data['steps']} steps. {agree}{data['machine']['cpu']}, {data['threads']} threads, {data['compiler']}, {origin(data)}."]
 
 
 def streams(data):
