@@ -168,12 +168,18 @@ class LocatedShooting {
   }
 
   // Periods from the last iterate on. Where one moves the state as the one before did, the state drifts towards a
-  // constraint, and twice as many periods are passed at once.
+  // constraint, along what E0 + ET D does not see, and twice as many periods are passed at once. Newton's method takes
+  // the other changes to their end, which many times rounding or a fast mode would cover.
   bool settle(int periods) {
     double at_once = 1;
     for (int k = 0; k < periods && now_.defect > rounding_of_F; ++k) {
-      const Vector moved = end_of_flow(now_.flow) - now_.x;
-      auto it = flow_from(now_.x + at_once * moved);
+      Vector moved = end_of_flow(now_.flow) - now_.x, next = now_.x + moved;
+      if (at_once > 1) {
+        const ShootingMatrix K(c_, derivative_.at_end(now_.flow), size_of_states());
+        moved = K.drift(c_, -now_.F);
+        next = now_.x + K.solve(-now_.F - c_.E0 * moved) + at_once * moved;
+      }
+      auto it = next.allFinite() ? flow_from(next) : std::nullopt;
       if (!it && (solution_.interrupted || at_once == 1)) return false;
       const bool alike = it && (end_of_flow(it->flow) - it->x - moved).norm() <= drifting * moved.norm();
       if (alike && at_once > most_at_once)

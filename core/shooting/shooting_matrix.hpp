@@ -29,6 +29,14 @@ struct ShootingMatrix {
     svd.setThreshold(values[0] > singular_share ? singular_share / values[0] : 2.0);  // 2: the rank is 0
     regular = svd.rank() == size.size();
   }
+  /// Of periodic conditions, E0 = -ET: what each period adds to a state that drifts, u with (E0 + ET D) u = 0 and F -
+  /// E0 u in the range of E0 + ET D.
+  Vector drift(const BoundaryCondition& c, const Vector& F) const {
+    const Index open = columns.size() - svd.rank();
+    const Matrix V = columns.asDiagonal() * svd.matrixV().rightCols(open),
+                 W = rows.asDiagonal() * svd.matrixU().rightCols(open);
+    return V * (W.transpose() * c.E0 * V).fullPivLu().solve(W.transpose() * F);
+  }
   /// dx of least norm.
   Vector solve(const Vector& F) const { return columns.asDiagonal() * svd.solve(rows.asDiagonal() * F); }
 };
