@@ -104,15 +104,11 @@ void look_at_sources(const Scene& scene, Index J, SceneCheck& check) {
 /// Methods by the rules of core/solve/engines.cpp, with a refusal where none applies.
 std::vector<Method> methods_of(const Scene& given, const Scene& scene, const BackendTraits& traits,
                                const Options& options, Index J, std::string& refusal) {
-  if ((given.restitution.array() > 0).any()) {
-    if (given.boundary || (options.method != Method::automatic && options.method != Method::events))
-      refusal = "impacts with restitution: method events takes them, with initial values";
-    return {Method::events};
-  }
-  if (!given.resets.empty()) {
+  if (const bool bounces = (given.restitution.array() > 0).any(); bounces || !given.resets.empty()) {
     const Method only = given.boundary ? Method::shooting : Method::events;
     if (options.method != Method::automatic && options.method != only)
-      refusal = fmt::format("modes with memory: method {} takes them", to_string(only));
+      refusal = fmt::format("{}: method {} takes them", bounces ? "impacts with restitution" : "modes with memory",
+                            to_string(only));
     return {only};
   }
   const bool singular = !given.boundary && !given.free_rows.empty() && !can_eliminate_free(given);

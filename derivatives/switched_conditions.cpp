@@ -35,7 +35,8 @@ SwitchedTape::Bounded SwitchedTape::saltation(const Switch& s, const Piece* befo
     const Matrix move = system_.B * mode.impulse;
     Bounded moved = D;
     if (s.moves) moved = D + Matrix(-p.rate) * dt;
-    const Bounded impulse = mode.impulse * Bounded::of(mode.constraints).after(moved);
+    const Bounded off = Bounded::of(mode.constraints).after(moved) + Bounded::of(p.rebound).after(D),
+                  impulse = mode.impulse * (off + Matrix(p.rebound_rate) * dt);
     for (const Index i : mode.active) {
       if (std::abs(p.p[i]) > vanishing_component * p.p.cwiseAbs().maxCoeff()) continue;
       const Matrix row = Matrix::Identity(n_, n_).row(i);
@@ -65,8 +66,9 @@ void SwitchedTape::add_condition(const std::string& found, const Bounded& rows, 
 void SwitchedTape::check(Switch& s, const Piece* before, const Piece& after) {
   const Matrix& derivative = Collocation::get().derivative;
   const auto condition = [&](const Condition& c, const Bounded& rows) {
-    // Impacts one after the other lead to other states than those at once, however short the time between them.
-    const bool impacts = s.moves && !s.impulses.empty();
+    // Impacts one after the other lead to other states than those at once, however short the time between them. What
+    // does not depend on the state, as the friction of an open contact, does not impact.
+    const bool impacts = s.moves && !s.impulses.empty() && !small_against(rows.value.x, rows.terms.x);
     if (!along_some_ || impacts)
       not_differentiable_at_switch(c.found, impacts ? "" : "take derivatives along changes that keep it so");
     add_condition(c.found, rows, !before && s.impulses.empty());

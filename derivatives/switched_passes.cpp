@@ -224,12 +224,16 @@ void SwitchedTape::pass(const Switch& s, const Part* before, const Sources& of_b
     z.integral += dt * s.y_before;
   }
   for (const Impulse& p : s.impulses) {
+    JetValues left = before ? values_of(of_before, piece_of(*before), before->from + before->width)
+                            : values_of(of_after, piece_of(after), after.from);
+    left.x = z.x;
+    const Vector back = evaluate(p.rebound, left) + dt * p.rebound_rate;
     if (c.B.size() > 0) z.x += c.B * p.p;
     if (c.E.size() > 0) z.x += c.E * p.move;
     const SwitchedMode& mode = p.mode->rows;
     JetValues u = values_of(of_after, piece_of(after), after.from);
     u.x = z.x - dt * p.rate;
-    const Vector q = mode.impulse * evaluate(mode.constraints, u);
+    const Vector q = mode.impulse * (evaluate(mode.constraints, u) + back);
     z.x += system_.B * q;
     z.integral += q;
     terms_of_x += (system_.B * q).cwiseAbs();
@@ -265,12 +269,20 @@ void SwitchedTape::pass_back(const Switch& s, const Part* before, Sources& of_be
   for (auto p = s.impulses.rbegin(); p != s.impulses.rend(); ++p) {
     const SwitchedMode& mode = p->mode->rows;
     const Vector q = system_.B.transpose() * bar.x + bar.integral;
-    const JetValues u = back(mode.constraints, mode.impulse.transpose() * q);
+    const Vector off = mode.impulse.transpose() * q;
+    const JetValues u = back(mode.constraints, off);
     bar.x += u.x;
     if (s.moves) dt -= p->rate.dot(u.x);
     add_values(u, piece_of(after), after.from, of_after);
     to.B += bar.x * p->p.transpose();
     to.E += bar.x * p->move.transpose();
+    const JetValues r = back(p->rebound, off);
+    bar.x += r.x;
+    dt += p->rebound_rate.dot(off);
+    if (before)
+      add_values(r, piece_of(*before), before->from + before->width, of_before);
+    else
+      add_values(r, piece_of(after), after.from, of_after);
   }
   if (!s.moves) return;
   dt += s.rate_before.dot(bar.x) + s.y_before.dot(bar.integral);

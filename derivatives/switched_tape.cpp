@@ -238,12 +238,15 @@ void SwitchedTape::add_switch(const EventSolution& solution, std::size_t k, cons
   s.rate_after = to.rate.transpose() * legendre(0);
   s.y_after = to.y.transpose() * legendre(0);
   JetValues u = values_of(to.sources, to, 0);
+  JetValues rates = k > 0 ? values_of(pieces_[k - 1].sources, pieces_[k - 1], pieces_[k - 1].until) : u;
+  rates.f = rates.df, rates.g = rates.dg, rates.dg = rates.ddg;
   for (const EventImpulse& p : solution.pieces[k].impulses) {
     const Mode* mode = mode_of(p.active);
     const Vector move = system_.B * p.p;
     x += move;
     u.x = x;
-    s.impulses.push_back({mode, p.p, move, rate_of(*mode, u)});
+    const Jet back = rebound(system_, mode->rows, p.e);
+    s.impulses.push_back({mode, p.p, move, rate_of(*mode, u), back, evaluate(back, rates)});
   }
   switches_.push_back(std::move(s));
 }

@@ -78,6 +78,8 @@ class SwitchedTape {
   struct Impulse {
     const Mode* mode;
     Vector p, move, rate;  ///< p, B p, and x' in this mode after it
+    Jet rebound;           ///< e times the velocities before it, rows as the constraints of the mode
+    Vector rebound_rate;   ///< by f and g alone
   };
   // What vanishes beside a switch and is no part of it: y_i or w_i with its rate, or (component = -1) the constraints
   // on the state of the mode after it. With a change it has to vanish, too.

@@ -21,7 +21,7 @@
 namespace bromwich {
 
 /// `breakpoints`: of f and g. `states`: all of the result, (J+1) x m, or none: then those of the exact flow count.
-/// Nothing where the scene or the result is of another kind: dense dynamics without E, at most 64 states and 48
+/// Nothing where the scene or the result is of another kind: dense dynamics without E, at most 96 states and 72
 /// constraints, x(0) = x0, no free rows, y known up to T; and where located switches find no solution, or one that may
 /// not be the only one.
 std::optional<Certificate> certify(const Scene&, const Result&, const std::vector<double>& breakpoints,

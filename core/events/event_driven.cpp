@@ -19,7 +19,7 @@ namespace bromwich {
 
 namespace {
 
-constexpr Index most_states = 64, most_constraints = 48;
+constexpr Index most_states = 96, most_constraints = 72;
 constexpr double rounding_defect = 3e-13;
 constexpr int idle_events = 40;      ///< events within a short time that count as accumulated
 constexpr double idle_share = 1e-7;  ///< of T: that time

@@ -111,6 +111,12 @@ EventSteps::EventSteps(const SystemMatrices& system, const EventSources& sources
       by_y_within_step_((by_f_within_step_ * system.B).cwiseAbs()) {
   by_f_within_span_ = by_f_within_span_.cwiseAbs();
   by_f_within_step_ = by_f_within_step_.cwiseAbs();
+  const auto is_position = [&](Index i) {
+    const auto apart = [&](Index k) { return system.A(i, k) == 0 && system.A(k, i) == 0; };
+    return system.B.row(i).isZero(0) && apart(i) && std::all_of(positions_.begin(), positions_.end(), apart);
+  };
+  for (Index i = 0; i < system.states(); ++i) (is_position(i) ? positions_ : others_).push_back(i);
+  by_others_ = system.A(positions_, others_);
 }
 
 double EventSteps::noise() const { return noise_share * tolerance_; }
@@ -135,19 +141,35 @@ double EventSteps::source_defect(const JetValues& size, const EventSources::Poly
   return std::max(tail(p.f, size.f, p.off_f, {}), tail(p.g, size.g, p.off_g, {}));
 }
 
-// I - h lambda A_S for the eigenvalues lambda of the Radau matrix.
-const std::vector<Eigen::PartialPivLU<ComplexMatrix>>& EventSteps::factors(const SwitchedMode& mode, double h,
-                                                                           double& work) {
-  if (factored_mode_ == &mode && factored_h_ == h) return factors_;
-  const Index m = system_.states();
+// I - z A_S, z = h lambda, for the eigenvalues lambda of the Radau matrix. With positions Q and other states V it is
+//
+//     [I, -z A_QV; -z A_VQ, I - z A_VV],
+//
+// and that for V alone is I - z A_VV - z^2 A_VQ A_QV.
+void EventSteps::factorize(const SwitchedMode& mode, double h, double& work) {
+  if (factored_mode_ == &mode && factored_h_ == h) return;
+  by_positions_ = mode.A(others_, positions_);
+  const Matrix A = mode.A(others_, others_), twice = by_positions_ * by_others_;
   factors_.clear();
-  const ComplexMatrix identity = ComplexMatrix::Identity(m, m);
-  for (const auto& e : Collocation::get().eigenvalues)
-    factors_.emplace_back(identity - (h * e.value) * mode.A.cast<Complex>());
+  const ComplexMatrix identity = ComplexMatrix::Identity(A.rows(), A.rows());
+  for (const auto& e : Collocation::get().eigenvalues) {
+    const Complex z = h * e.value;
+    factors_.emplace_back(identity - z * A.cast<Complex>() - (z * z) * twice.cast<Complex>());
+  }
   factored_mode_ = &mode;
   factored_h_ = h;
-  work += 12 * double(m * m * m);
-  return factors_;
+  work += 12 * std::pow(double(A.rows()), 3);
+}
+
+// (I - z A_S)^{-1} of the right-hand side.
+ComplexVector EventSteps::solve(std::size_t k, const ComplexVector& right) const {
+  const Complex z = factored_h_ * Collocation::get().eigenvalues[k].value;
+  const ComplexVector of_positions = right(positions_);
+  const ComplexVector others = factors_[k].solve(ComplexVector(right(others_) + z * (by_positions_ * of_positions)));
+  ComplexVector all(right.size());
+  all(others_) = others;
+  all(positions_) = of_positions + z * (by_others_ * others);
+  return all;
 }
 
 EventStep EventSteps::attempt(const SwitchedMode& mode, EventPoint& p, double h) {
@@ -162,14 +184,14 @@ EventStep EventSteps::attempt(const SwitchedMode& mode, EventPoint& p, double h)
   input.row(0) += (mode.A * p.x).transpose();
   using AtStages = Eigen::Matrix<double, degree, Eigen::Dynamic>;
   const AtStages right = h * (c.integrals * input);  // degree x m
-  const auto& lu = factors(mode, h, p.work);
+  factorize(mode, h, p.work);
   AtStages change = AtStages::Zero(degree, m), left = right;
   step.x.setZero(degree + 1, m);
   // Twice: the eigenvectors of the Radau matrix are ill-conditioned.
   for (int refined = 0; refined < 2; ++refined) {
-    for (std::size_t k = 0; k < lu.size(); ++k) {
+    for (std::size_t k = 0; k < factors_.size(); ++k) {
       const auto& e = c.eigenvalues[k];
-      const ComplexVector z = lu[k].solve(ComplexVector(left.transpose().cast<Complex>() * e.left));
+      const ComplexVector z = solve(k, left.transpose().cast<Complex>() * e.left);
       change += e.weight * (e.right * z.transpose()).real();
     }
     step.x = c.coefficients.rightCols(degree) * change;

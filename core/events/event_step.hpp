@@ -81,14 +81,19 @@ class EventSteps {
   void look_closer(EventPoint&, EventStep&) const;
   double work_of_sources() const;
   double source_defect(const JetValues& size, const EventSources::Polynomials&) const;
-  const std::vector<Eigen::PartialPivLU<ComplexMatrix>>& factors(const SwitchedMode&, double h, double& work);
+  void factorize(const SwitchedMode&, double h, double& work);
+  ComplexVector solve(std::size_t eigenvalue, const ComplexVector& right) const;
 
   const SystemMatrices& system_;
   const EventSources& sources_;
   double T_, tolerance_, longest_;
   /// How constant values of f and y move the state within the span, and within the longest step.
   Matrix by_f_within_span_, by_y_within_span_, by_f_within_step_, by_y_within_step_;
-  std::vector<Eigen::PartialPivLU<ComplexMatrix>> factors_;  ///< kept as long as mode and h stay
+  /// Positions: y does not act on their rates, nor do they depend on each other. They are eliminated.
+  std::vector<Index> positions_, others_;
+  Matrix by_others_, by_positions_;  ///< the rates of positions by the others, and the other way in the mode
+  /// Of I - z A_S for z = h lambda without the positions; kept as long as mode and h stay.
+  std::vector<Eigen::PartialPivLU<ComplexMatrix>> factors_;
   const SwitchedMode* factored_mode_ = nullptr;
   double factored_h_ = 0;
   bool sign_is_lost_ = false;

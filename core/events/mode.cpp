@@ -2,6 +2,7 @@
 
 #include <Eigen/Dense>
 
+#include <algorithm>
 #include <cmath>
 
 namespace bromwich {
@@ -76,6 +77,66 @@ Vector terms(const Jet& c, const JetValues& u) {
 
 namespace {
 
+// Rows and columns that the nonzero entries of a matrix connect.
+struct Block {
+  std::vector<Index> rows, columns;
+};
+
+std::vector<Block> blocks_of(const Matrix& A) {
+  std::vector<Block> blocks;
+  std::vector<char> seen(std::size_t(A.rows() + A.cols()), 0);  // rows, then columns
+  const auto take = [&](Index first) {
+    Block& block = blocks.emplace_back();
+    std::vector<Index> open{first};
+    seen[std::size_t(first)] = 1;
+    while (!open.empty()) {
+      const Index at = open.back(), i = at < A.rows() ? at : at - A.rows();
+      open.pop_back();
+      const bool row = at < A.rows();
+      (row ? block.rows : block.columns).push_back(i);
+      for (Index k = 0; k < (row ? A.cols() : A.rows()); ++k) {
+        const Index next = row ? A.rows() + k : k;
+        if (seen[std::size_t(next)] || (row ? A(i, k) : A(k, i)) == 0) continue;
+        seen[std::size_t(next)] = 1;
+        open.push_back(next);
+      }
+    }
+    std::sort(block.rows.begin(), block.rows.end());
+    std::sort(block.columns.begin(), block.columns.end());
+  };
+  for (Index i = 0; i < A.rows() + A.cols(); ++i)
+    if (!seen[std::size_t(i)]) take(i);
+  return blocks;
+}
+
+// With more columns, zero but for these rows.
+void append(Matrix& columns, const std::vector<Index>& rows, const Matrix& values) {
+  const Index before = columns.cols();
+  columns.conservativeResize(Eigen::NoChange, before + values.cols());
+  columns.rightCols(values.cols()).setZero();
+  for (std::size_t i = 0; i < rows.size(); ++i) columns.row(rows[i]).tail(values.cols()) = values.row(Index(i));
+}
+
+// Orthonormal columns that span those of A, and the others.
+struct RowRank {
+  Matrix range, rest;
+
+  explicit RowRank(const Matrix& A) : range(A.rows(), 0), rest(A.rows(), 0) {
+    for (const Block& b : blocks_of(A)) {
+      const Index rows = Index(b.rows.size()), most = std::min(rows, Index(b.columns.size()));
+      if (most == 0) {
+        append(rest, b.rows, Matrix::Identity(rows, rows));
+        continue;
+      }
+      const Eigen::BDCSVD<Matrix> svd(A(b.rows, b.columns), Eigen::ComputeFullU);
+      Index rank = 0;
+      while (rank < most && svd.singularValues()[rank] > same_rank) ++rank;
+      append(range, b.rows, svd.matrixU().leftCols(rank));
+      append(rest, b.rows, svd.matrixU().rightCols(rows - rank));
+    }
+  }
+};
+
 // K with independent rows K c: those that the others imply, or that are zero but for rounding, are left out.
 Matrix independent(const Jet& c, const Vector& size) {
   if (c.x.rows() == 0) return Matrix::Zero(0, 0);
@@ -83,10 +144,8 @@ Matrix independent(const Jet& c, const Vector& size) {
   Matrix all(c.x.rows(), 2 * m + 2 * n);
   all << c.x, c.f, c.g, c.dg;
   for (Index i = 0; i < all.rows(); ++i) all.row(i) /= std::max(size[i], 1e-290);
-  const Eigen::JacobiSVD<Matrix> svd(all, Eigen::ComputeFullU);
-  Index rank = 0;
-  while (rank < std::min(all.rows(), all.cols()) && svd.singularValues()[rank] > same_rank) ++rank;
-  return svd.matrixU().leftCols(rank).transpose() * size.cwiseMax(1e-290).cwiseInverse().asDiagonal();
+  const RowRank found(all);
+  return found.range.transpose() * size.cwiseMax(1e-290).cwiseInverse().asDiagonal();
 }
 
 Jet absolute(const Jet& c) {
@@ -116,61 +175,83 @@ Split split(const Matrix& U, const Jet& C) {
   const Vector size = U.cwiseAbs() * largest_of(C), size_x = sum.x.rowwise().maxCoeff();
   Vector by(k);
   for (Index i = 0; i < k; ++i) by[i] = 1 / std::max(size_x[i] > 0 ? size_x[i] : size[i], 1e-290);
-  const Eigen::JacobiSVD<Matrix> svd(by.asDiagonal() * rows.x, Eigen::ComputeFullU);
-  Index rank = 0;
-  while (rank < svd.singularValues().size() && svd.singularValues()[rank] > same_rank) ++rank;
-  const Matrix W = svd.matrixU().transpose() * by.asDiagonal(), rest = W.bottomRows(k - rank);
+  const RowRank found(by.asDiagonal() * rows.x);
+  const Matrix range = found.range.transpose() * by.asDiagonal(), rest = found.rest.transpose() * by.asDiagonal();
   Jet conditions = rest * rows;
   conditions.x.setZero();
   const Matrix K = independent(conditions, rest.cwiseAbs() * size);
-  return {W.topRows(rank) * U, Matrix(W.topRows(rank)) * rows, K * conditions, Matrix((K * rest).cwiseAbs()) * sum};
+  return {range * U, range * rows, K * conditions, Matrix((K * rest).cwiseAbs()) * sum};
 }
 
-// U with U E = 0: combinations of rows of E y + C u = 0 without y. An error of E of its rounding, eps ||E||, moves them
-// by that times E^+; entries of rounding are zero, or states that rest would get coefficients of others.
-Matrix without_y(const Eigen::JacobiSVD<Matrix>& svd, Index rank) {
-  const Index rows = svd.matrixU().rows();
-  const Vector& values = svd.singularValues();
-  const Matrix U = svd.matrixU().rightCols(rows - rank).transpose();
-  if (rank == 0 || rank == rows) return U;
-  const Matrix scaled = values.head(rank).cwiseInverse().asDiagonal() * svd.matrixU().leftCols(rank).transpose();
-  const Vector rounding = 4 * double(rows) * epsilon * values[0] * scaled.colwise().norm().transpose();
-  return (U.cwiseAbs().array() > rounding.transpose().replicate(U.rows(), 1).array()).select(U, 0.0);
-}
+// E of E y + C u = 0, rows with a largest entry of 1 or 0, by blocks: zeros between them stay. So a y_i that the others
+// do not enter, such as the friction of an open contact, stays zero.
+struct Factors {
+  Matrix range;    ///< orthonormal columns that span those of E
+  Matrix left;     ///< U with U E = 0: combinations of rows without y
+  Matrix open;     ///< orthonormal columns that span the null space
+  Matrix inverse;  ///< E^+
+  Matrix terms;    ///< what cancels in it, by absolute values
+
+  explicit Factors(const Matrix& E)
+      : range(E.rows(), 0), open(E.cols(), 0), inverse(Matrix::Zero(E.cols(), E.rows())), terms(inverse) {
+    Matrix others(E.rows(), 0);
+    for (const Block& b : blocks_of(E)) add(b, E(b.rows, b.columns), others);
+    left = others.transpose();
+  }
+
+ private:
+  void add(const Block& b, const Matrix& E, Matrix& others) {
+    if (E.size() == 0) {
+      append(others, b.rows, Matrix::Identity(E.rows(), E.rows()));
+      append(open, b.columns, Matrix::Identity(E.cols(), E.cols()));
+      return;
+    }
+    const Eigen::BDCSVD<Matrix> svd(E, Eigen::ComputeFullU | Eigen::ComputeFullV);
+    const Vector& values = svd.singularValues();
+    Index rank = 0;
+    while (rank < values.size() && values[rank] > same_rank * std::max(1.0, values[0])) ++rank;
+    const Matrix &U = svd.matrixU(), &V = svd.matrixV();
+    const Matrix scaled = values.head(rank).cwiseInverse().asDiagonal() * U.leftCols(rank).transpose();
+    const bool regular = rank == E.rows() && rank == E.cols();
+    inverse(b.columns, b.rows) = regular ? Matrix(E.partialPivLu().inverse()) : Matrix(V.leftCols(rank) * scaled);
+    terms(b.columns, b.rows) = V.leftCols(rank).cwiseAbs() * scaled.cwiseAbs();
+    append(range, b.rows, U.leftCols(rank));
+    append(open, b.columns, V.rightCols(E.cols() - rank));
+    // An error of E of its rounding, eps ||E||, moves U by that times E^+; entries of rounding are zero, or states that
+    // rest would get coefficients of others.
+    Matrix left = U.rightCols(E.rows() - rank);
+    const Vector rounding = 4 * double(E.rows()) * epsilon * values[0] * scaled.colwise().norm().transpose();
+    for (Index j = 0; j < left.cols(); ++j)
+      left.col(j) = (left.col(j).cwiseAbs().array() > rounding.array()).select(left.col(j), 0.0);
+    append(others, b.rows, left);
+  }
+};
 
 // y_S = -E^+ C, of least norm. Directions that E leaves open may not move the state. They may move w elsewhere, as of
 // relays that act alike: then the set lasts as long as w stays nonnegative.
-bool determine_y(const SystemMatrices& s, const std::vector<Index>& active, const Matrix& E,
-                 const Eigen::JacobiSVD<Matrix>& svd, Index rank, const Jet& C, Jet& y) {
-  const Index a = Index(active.size());
-  const Matrix open = svd.matrixV().rightCols(a - rank);
+bool determine_y(const SystemMatrices& s, const std::vector<Index>& active, const Matrix& E, const Factors& factors,
+                 const Jet& C, Jet& y) {
   const Matrix B = s.B(Eigen::all, active);
-  if (open.cols() > 0 && (B * open).cwiseAbs().maxCoeff() > 1e-8 * B.cwiseAbs().maxCoeff()) return false;
-  // Elimination keeps zeros between blocks of E: a y_i that the others do not enter, such as the friction of an open
-  // contact, stays zero.
-  const Matrix found =
-      open.cols() == 0 && E.rows() == a
-          ? Matrix(E.partialPivLu().inverse())
-          : Matrix(svd.matrixV().leftCols(rank) * svd.singularValues().head(rank).cwiseInverse().asDiagonal() *
-                   svd.matrixU().leftCols(rank).transpose());
+  const Matrix moved = B * factors.open;
+  if (moved.size() > 0 && moved.cwiseAbs().maxCoeff() > 1e-8 * B.cwiseAbs().maxCoeff()) return false;
   // Zeros between blocks of E are known to rounding of the largest block. They are entries that a step of Newton's
   // method (Schulz) changes as much as what it leaves.
+  const Matrix& found = factors.inverse;
   const Matrix refined = found * (2 * Matrix::Identity(E.rows(), E.rows()) - E * found);
   const Matrix inverse = (refined.cwiseAbs().array() > 2 * (refined - found).cwiseAbs().array()).select(refined, 0.0);
-  Matrix select = Matrix::Zero(s.constraints(), a);
-  for (Index i = 0; i < a; ++i) select(active[std::size_t(i)], i) = 1;
+  Matrix select = Matrix::Zero(s.constraints(), Index(active.size()));
+  for (std::size_t i = 0; i < active.size(); ++i) select(active[i], Index(i)) = 1;
   // Coefficients of rounding are zero: values of y that vanish in the mode would have a sign otherwise.
-  const Matrix terms = svd.matrixV().leftCols(rank).cwiseAbs() *
-                       svd.singularValues().head(rank).cwiseInverse().asDiagonal() *
-                       svd.matrixU().leftCols(rank).transpose().cwiseAbs();
-  y = without_rounding(Matrix(select * -inverse) * C, Matrix(select * terms) * absolute(C));
+  y = without_rounding(Matrix(select * -inverse) * C, Matrix(select * factors.terms) * absolute(C));
   return true;
 }
 
-// e w_S', n rows of which those of S count.
-Jet rebound_of(const SystemMatrices& s, const Jet& seen) {
-  Jet velocities = derivative(seen, s.A);
-  return Matrix(s.restitution.asDiagonal()) * velocities;
+// w without y.
+Jet seen_by(const SystemMatrices& s) {
+  Jet seen = Jet::zero(s.constraints(), s.states(), s.constraints());
+  seen.x = s.N;
+  seen.g.setIdentity();
+  return seen;
 }
 
 // Impulses that bring the state onto the constraints: [M_SS; K B] p = [0; -k], rows with a largest entry of 1.
@@ -202,17 +283,40 @@ Matrix impulses(const SystemMatrices& s, const std::vector<Index>& active, const
 
 }  // namespace
 
+Vector openings(const SystemMatrices& s) {
+  Vector found = Vector::Zero(s.constraints());
+  for (Index i = 0; i < s.pairs(); ++i) {
+    const double rate = s.N.row(i).dot(s.B.col(i)), terms = s.N.row(i).cwiseAbs().dot(s.B.col(i).cwiseAbs());
+    if (s.M.row(i).isZero(0) && std::abs(rate) <= 64 * epsilon * terms)
+      found[i] = std::max(0.0, (s.N.row(i) * s.A).dot(s.B.col(i)));
+  }
+  return found;
+}
+
+Jet rates_of_w(const SystemMatrices& s) { return derivative(seen_by(s), s.A); }
+
+Jet rebound(const SystemMatrices& s, const SwitchedMode& mode, const Vector& e) {
+  if (e.size() == 0) return Jet::zero(mode.constraints.x.rows(), s.states(), s.constraints());
+  return Matrix(mode.velocities * e.asDiagonal()) * rates_of_w(s);
+}
+
 std::optional<SwitchedMode> make_switched_mode(const SystemMatrices& s, const std::vector<Index>& active) {
   const Index m = s.states(), n = s.constraints(), a = Index(active.size());
   const Jet none = Jet::zero(0, m, n);
-  Jet seen = Jet::zero(n, m, n);
-  seen.x = s.N;
-  seen.g.setIdentity();
-  SwitchedMode mode{active, s.A,  Jet::zero(n, m, n), seen, false, false, false, none,
-                    none,   none, Matrix::Zero(n, 0), none};
+  const Jet seen = seen_by(s);
+  SwitchedMode mode{active,
+                    s.A,
+                    Jet::zero(n, m, n),
+                    seen,
+                    false,
+                    false,
+                    false,
+                    none,
+                    none,
+                    none,
+                    Matrix::Zero(n, 0),
+                    Matrix::Zero(0, n)};
   if (a == 0) return mode;
-  const bool bounces = s.restitution.size() > 0;
-  const Jet rebound = bounces ? rebound_of(s, seen) : none;
   const Matrix B = s.B(Eigen::all, active);
   Matrix E = s.M(active, active);
   Jet C = Jet::zero(a, m, n);
@@ -225,24 +329,23 @@ std::optional<SwitchedMode> make_switched_mode(const SystemMatrices& s, const st
     const Vector by = balance_rows(E, C, size);
     values_of_w = by.asDiagonal() * values_of_w;
     velocities = by.asDiagonal() * velocities;
-    const Eigen::JacobiSVD<Matrix> svd(E, Eigen::ComputeFullU | Eigen::ComputeFullV);
-    const Vector& values = svd.singularValues();
-    Index rank = 0;
-    while (rank < values.size() && values[rank] > same_rank * std::max(1.0, values[0])) ++rank;
-    const Split vanish = split(without_y(svd, rank), C);
+    const Factors factors(E);
+    const Split vanish = split(factors.left, C);
     const Jet& constraints = vanish.constraints;
     mode.conditions = stacked(mode.conditions, vanish.conditions);
     mode.condition_terms = stacked(mode.condition_terms, vanish.terms);
     if (constraints.x.rows() == 0) {
-      if (!determine_y(s, active, E, svd, rank, C, mode.y)) return std::nullopt;
+      if (!determine_y(s, active, E, factors, C, mode.y)) return std::nullopt;
       break;
     }
     if (derived == most_derivatives) return std::nullopt;
     mode.constraints = stacked(mode.constraints, constraints);
     Matrix of_all = Matrix::Zero(constraints.x.rows(), n);
     of_all(Eigen::all, active) = vanish.from * velocities;
-    mode.rebound = stacked(mode.rebound, bounces ? of_all * rebound : Jet::zero(of_all.rows(), m, n));
-    const Matrix Q = svd.matrixU().leftCols(rank).transpose();
+    mode.velocities.conservativeResize(mode.constraints.x.rows(), n);
+    mode.velocities.bottomRows(of_all.rows()) = of_all;
+    const Matrix Q = factors.range.transpose();
+    const Index rank = Q.rows();
     const Matrix derived_rows = vanish.from * values_of_w;
     values_of_w =
         (Matrix(rank + derived_rows.rows(), a) << Q * values_of_w, Matrix::Zero(derived_rows.rows(), a)).finished();

@@ -54,12 +54,20 @@ struct SwitchedMode {
   Jet conditions;
   Jet condition_terms;  ///< their terms, by absolute value
   Matrix impulse;       ///< n x constraints: p = impulse * (values of the constraints and of the rebound before it)
-  Jet rebound;          ///< e times the velocities in the constraints
+  Matrix velocities;    ///< constraints x n: what of w' is in the constraints
 };
 
 /// Value of the rows, and the sum of the absolute values of their terms.
 Vector evaluate(const Jet&, const JetValues&);
 Vector terms(const Jet&, const JetValues& sizes);
+
+/// n values: w_i'' by y_i of rigid contacts, where y_i acts on w_i'' alone and w does not depend on y; 0 elsewhere.
+Vector openings(const SystemMatrices&);
+
+/// w' of an open mode, n rows.
+Jet rates_of_w(const SystemMatrices&);
+/// The rebound with these coefficients e, n or none: e times the velocities in the constraints.
+Jet rebound(const SystemMatrices&, const SwitchedMode&, const Vector& e);
 
 /// Nothing if two derivatives do not determine y.
 std::optional<SwitchedMode> make_switched_mode(const SystemMatrices&, const std::vector<Index>& active);

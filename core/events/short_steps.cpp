@@ -20,10 +20,29 @@ double largest_rate(const Matrix& A) {
   return A.rows() > 0 ? Eigen::EigenSolver<Matrix>(A, false).eigenvalues().cwiseAbs().maxCoeff() : 0;
 }
 
+// Of contacts with friction, whose gaps open with d_n and which slide with d_t < d_n / mu, none acts. The slack of
+// friction that does not act is open, so that LCP(0, M) has other solutions; a larger diagonal takes them away. Then
+// Lemke's method finds a solution, if the rows of the contacts are independent.
+Vector cover_of(const SystemMatrices& system) {
+  constexpr double sliding = 1.0 / 64;
+  const Vector opens = openings(system).head(system.pairs());
+  if (opens.isZero(0)) return {};
+  return (opens.array() > 0).select(Vector::Ones(opens.size()), sliding);
+}
+
+LemkeOutcome covered(const Matrix& P, const Vector& q, const Vector& cover) {
+  const Equilibration e = equilibrate(P);
+  Matrix scaled = e.rows.asDiagonal() * P * e.columns.asDiagonal();
+  scaled.diagonal().array() += raised;
+  LemkeOutcome found = lemke(scaled, e.rows.cwiseProduct(q), cover);
+  found.y = e.columns.cwiseProduct(found.y);
+  return found;
+}
+
 }  // namespace
 
 ShortSteps::ShortSteps(const SystemMatrices& system, const EventSources& sources, double T)
-    : system_(system), sources_(sources), rate_(std::max(1 / T, largest_rate(system.A))) {}
+    : system_(system), sources_(sources), cover_(cover_of(system)), rate_(std::max(1 / T, largest_rate(system.A))) {}
 
 bool ShortSteps::unique(LcpClass lcp_class) {
   class_ = LcpClass::P;
@@ -111,9 +130,16 @@ ShortSteps::Step ShortSteps::take(double t, double h, const Vector& x, const Vec
     step.solved = lcp->solve(q.head(n), step.y).solved;
     if (step.solved) slack = lcp->slack();
   }
+  if (!step.solved && cover_.size() > 0) {
+    const Matrix pairs = problem.topLeftCorner(n, n);
+    LemkeOutcome found = covered(pairs, q.head(n), cover_);
+    step.solved = found.solved;
+    if (step.solved) step.y = std::move(found.y), slack = pairs * step.y + q.head(n);
+  }
   step.pairs = n;
   step.problem = problem;
   step.q = q;
+  step.cover = cover_;
   step.y.conservativeResize(q.size());
   for (Index i = n; i < q.size(); ++i)
     step.y[i] = std::max(0.0, -(problem.row(i).head(n) * step.y.head(n) + q[i]) / problem(i, i));
@@ -131,6 +157,7 @@ std::vector<Index> ShortSteps::Step::basis() const {
   const Equilibration e = equilibrate(P);
   std::vector<Index> found =
       lemke(e.rows.asDiagonal() * P * e.columns.asDiagonal(), e.rows.cwiseProduct(q.head(pairs))).basis;
+  if (found.empty() && cover.size() > 0) found = covered(P, q.head(pairs), cover).basis;
   if (found.empty()) return found;
   for (Index i = pairs; i < q.size(); ++i)
     if (y[i] > 0) found.push_back(i);

@@ -29,8 +29,8 @@ class ShortSteps {
     Vector y, x;
     std::vector<Index> zero_w;  ///< w_i = 0, whether y_i is positive or not
     Matrix problem;             ///< of the step, with q
-    Vector q;
-    Index pairs = 0;  ///< rows before the guards
+    Vector q, cover;            ///< cover: for Lemke's method, of the pairs
+    Index pairs = 0;            ///< rows before the guards
     /// Of Lemke's method, where y_i = w_i = 0 too; empty if it ends on a ray.
     std::vector<Index> basis() const;
   };
@@ -54,6 +54,7 @@ class ShortSteps {
 
   const SystemMatrices& system_;
   const EventSources& sources_;
+  const Vector cover_;  ///< of the pairs, see the constructor; empty without rigid contacts
   double rate_;
   LcpClass class_ = LcpClass::P;  ///< of the matrix of a short step
   bool limit_of_P_ = false;       ///< it is of class P with any larger diagonal

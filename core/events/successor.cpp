@@ -15,6 +15,7 @@ constexpr int most_jumps_at_once = 12;
 constexpr double brief = 1e-3;       ///< of the longest: what lasts shorter touches its end by rounding
 constexpr double nothing = 1e-6;     ///< parts of an impulse below this share of it are zero
 constexpr double less_y = 1 - 1e-6;  ///< norms of y nearer to each other are equal
+constexpr double near_zero = 16;     ///< of what counts as zero of w: what would rise to that may not be seen to rise
 
 // Lengths of short steps are powers of two: few, whose matrices are known.
 double short_length(double longest) { return std::exp2(std::floor(std::log2(longest))); }
@@ -30,7 +31,13 @@ std::vector<Index> support(const Vector& y) {
 
 Successor::Successor(const SystemMatrices& system, const EventSources& sources, ShortSteps& short_steps,
                      EventSteps& steps, double T)
-    : system_(system), sources_(sources), short_steps_(short_steps), steps_(steps), T_(T) {}
+    : system_(system),
+      sources_(sources),
+      short_steps_(short_steps),
+      steps_(steps),
+      T_(T),
+      opens_(openings(system)),
+      NAB_(system.N * system.A * system.B) {}
 
 const SwitchedMode* Successor::mode_of(const std::vector<Index>& active) {
   auto known = modes_.find(active);
@@ -55,17 +62,38 @@ Vector Successor::touching(const EventPoint& p, bool y_is_known) const {
   return offset;
 }
 
+// What holds for all active sets that are tried at an impact.
+Successor::Impact Successor::impact_at(const EventPoint& p) const {
+  const Index n = system_.constraints();
+  Impact impact{system_.restitution, {}, {}, {}, Vector::Zero(n)};
+  SwitchedMode all;
+  all.uses_df = all.uses_dg = all.uses_ddg = true;
+  JetValues size, u = sources_at(all, p, size);
+  const Jet rates = rates_of_w(system_);
+  impact.velocity = evaluate(rates, u);
+  const Vector of_velocity = terms(rates, size);
+  impact.rounding = 30 * steps_.noise() * of_velocity;
+  impact.exact = 64 * epsilon * of_velocity + rates.x.cwiseAbs() * steps_.rounding_of_x(p.sizes);
+  if (p.zero_w.size() == 0) return impact;
+  u.x = system_.A * p.x + system_.B * p.y + u.f, u.f = u.df, u.g = u.dg, u.dg = u.ddg;
+  const Vector rate = evaluate(rates, u);
+  for (Index i = 0; i < n; ++i) {
+    if (!(opens_[i] > 0)) continue;
+    const double falls = std::max(0.0, opens_[i] * p.y[i] - rate[i]);  // -w_i'' without y_i
+    impact.unseen[i] = std::sqrt(2 * falls * near_zero * p.zero_w[i]);
+    if (impact.e.size() > 0 && impact.e[i] * std::abs(impact.velocity[i]) <= impact.unseen[i]) impact.e[i] = 0;
+  }
+  return impact;
+}
+
 // e w' of constraints with w = `offset`, that is 0, which w' < 0 is about to violate.
-Vector Successor::rebound(const EventPoint& p, const Vector& offset) {
-  const Vector& e = system_.restitution;
+Vector Successor::rebounds_of_touching(const EventPoint& p, const Vector& offset) const {
   Vector found = Vector::Zero(offset.size());
-  if (e.size() == 0 || resting_) return found;
-  JetValues size;
-  const JetValues u = sources_at(*mode_of({}), p, size);
-  const Vector w = system_.N * p.x + sources_.g(p.t + 1e-15 * T_),
-               velocity = system_.N * (system_.A * p.x + u.f) + u.dg;
-  for (Index i = 0; i < e.size(); ++i)
-    if (e[i] > 0 && w[i] == offset[i] && velocity[i] < 0) found[i] = e[i] * velocity[i];
+  if (system_.restitution.size() == 0) return found;
+  const Impact impact = impact_at(p);
+  const Vector w = system_.N * p.x + sources_.g(p.t + 1e-15 * T_);
+  for (Index i = 0; i < found.size(); ++i)
+    if (w[i] == offset[i] && impact.velocity[i] < 0) found[i] = impact.e[i] * impact.velocity[i];
   return found;
 }
 
@@ -86,32 +114,38 @@ JetValues Successor::sources_at(const SwitchedMode& mode, const EventPoint& p, J
   return {p.x, start(here.sources.f, m), start(here.df, m), start(here.sources.g, n), start(dg, n), start(here.ddg, n)};
 }
 
-// An impact elsewhere may set loaded contacts free for a moment: the force y_i of one closes its gap within 2 |p_i| /
-// y_i, and the gap has opened to (N A B)_ii p_i^2 / (2 y_i). Where that counts as zero the contact stays closed, with
-// an impulse p_i < 0 that y_i makes up for within this time: the longest of all, 0 if there is none.
-double Successor::shortest_flights(const EventPoint& p, const Vector& impulse) const {
-  constexpr double near_zero = 4;
-  double longest = 0;
-  if (p.zero_w.size() == 0) return longest;
-  for (Index i = 0; i < impulse.size(); ++i) {
-    if (!(impulse[i] < 0 && p.y[i] > 0)) continue;
-    const double opens = system_.N.row(i) * system_.A * system_.B.col(i), seen = 2 * p.y[i] * near_zero * p.zero_w[i];
-    if (opens > 0 && opens * impulse[i] * impulse[i] <= seen) longest = std::max(longest, -2 * impulse[i] / p.y[i]);
-  }
-  return longest;
+// Contacts with w = `offset`, that is 0, that fall back before they are seen to be open: they rest, and an impulse of
+// any sign, as small as that, takes their velocity.
+void Successor::settle(EventPoint& p, const Vector& offset) {
+  if (opens_.isZero(0) || p.zero_w.size() == 0) return;
+  const Impact impact = impact_at(p);
+  const Vector w = system_.N * p.x + sources_.g(p.t + 1e-15 * T_);
+  std::vector<Index> rest;
+  for (Index i = 0; i < offset.size(); ++i)
+    if (w[i] == offset[i] && impact.is_unseen(i)) rest.push_back(i);
+  const auto any_above = [&](const Vector& zero) {
+    return ((impact.velocity.cwiseAbs() - zero)(rest).array() > 0).any();
+  };
+  if (!any_above(impact.exact)) return;
+  Vector impulse = Vector::Zero(offset.size());
+  const Vector found =
+      Eigen::CompleteOrthogonalDecomposition<Matrix>(NAB_(rest, rest)).solve(Vector(-impact.velocity(rest)));
+  impulse(rest) = found;
+  p.x += system_.B * impulse;
+  p.integral += impulse;
+  if (any_above(impact.rounding)) impulses_.push_back({rest, impulse});
 }
 
-bool Successor::may_jump(const SwitchedMode& mode, const EventPoint& p, const JetValues& u, const Vector& zero,
-                         const Vector& impulse, const Vector& bounce) const {
+bool Successor::may_jump(const SwitchedMode& mode, const JetValues& u, const Vector& zero, const Vector& impulse,
+                         const Vector& bounce) const {
   // What no impulse moves has to hold; the jump has rounding of its own.
   JetValues after = u;
   after.x += system_.B * impulse;
   const Vector left = evaluate(mode.constraints, after) + bounce;
   if (((left.cwiseAbs() - 4 * zero).array() > 0).any()) return false;
-  // Impulses of y and of w are nonnegative, but for what y makes up for at once.
-  const Vector made_up = shortest_flights(p, impulse) * p.y;
-  if (((impulse + made_up).array() < -nothing * impulse.cwiseAbs().maxCoeff()).any()) return false;
-  const Vector of_w = system_.M * (impulse + made_up), terms_of_w = system_.M.cwiseAbs() * impulse.cwiseAbs();
+  // Impulses of y and of w are nonnegative.
+  if ((impulse.array() < -nothing * impulse.cwiseAbs().maxCoeff()).any()) return false;
+  const Vector of_w = system_.M * impulse, terms_of_w = system_.M.cwiseAbs() * impulse.cwiseAbs();
   return !((of_w + nothing * terms_of_w).array() < 0).any();
 }
 
@@ -124,6 +158,10 @@ bool Successor::holds_behind(const SwitchedMode& mode, EventPoint& p, const Vect
   std::vector<char> hidden(std::size_t(impulse.size()));
   for (Index i = 0; i < impulse.size(); ++i)
     hidden[std::size_t(i)] = impulse[i] > nothing * size || of_w[i] > nothing * terms_of_w[i];
+  if (!opens_.isZero(0)) {
+    const Impact after = impact_at(p);
+    for (Index i = 0; i < impulse.size(); ++i) hidden[std::size_t(i)] |= char(after.is_unseen(i));
+  }
   EventStep behind;
   return steps_.resolve(mode, p, behind, &hidden) && !behind.at_once;
 }
@@ -137,12 +175,14 @@ Successor::Entry Successor::enter(const SwitchedMode& mode, EventPoint& p) {
   const Vector rounding = mode.constraints.x.cwiseAbs() * steps_.rounding_of_x(p.sizes);
   const Vector zero = 30 * steps_.noise() * terms(mode.constraints, size) + rounding;
   bool jumps = ((off.cwiseAbs() - zero).array() > 0).any();
-  const bool rebounds = jumps && !resting_ && system_.restitution.size() > 0;
-  const Vector bounce = rebounds ? evaluate(mode.rebound, u) : Vector::Zero(off.size());
+  Impact impact;
+  if (jumps) impact = impact_at(p);
+  Vector bounce = Vector::Zero(off.size());
+  if (impact.e.size() > 0) bounce = mode.velocities * impact.e.cwiseProduct(impact.velocity);
   Vector impulse = mode.impulse * (off + bounce);
   // Parts of a jump that constraints which hold would explain have no sign.
   if (jumps) impulse = (impulse.cwiseAbs().array() > (mode.impulse.cwiseAbs() * zero).array()).select(impulse, 0);
-  if (jumps && !may_jump(mode, p, u, zero, impulse, bounce)) return Entry::refused;
+  if (jumps && !may_jump(mode, u, zero, impulse, bounce)) return Entry::refused;
   jumps = jumps && !impulse.isZero(0);  // what is off is rounding that no impulse moves, a place at a stop say
   const Vector before = p.x;
   p.x += system_.B * impulse;
@@ -152,8 +192,7 @@ Successor::Entry Successor::enter(const SwitchedMode& mode, EventPoint& p) {
   }
   p.integral += impulse;
   if (!jumps) return Entry::smooth;
-  bounced_ = bounced_ || !bounce.isZero(0);
-  impulses_.push_back({mode.active, impulse});
+  impulses_.push_back({mode.active, impulse, impact.e});
   p.sizes.include_x(p.x);
   return Entry::jumped;
 }
@@ -183,7 +222,7 @@ Successor::Entry Successor::attempt(const std::vector<Index>& set, double least,
 Successor::Entry Successor::attempt_proposed(double h, const Vector& offset, EventPoint& p) {
   static constexpr std::array<double, 6> shares{1e-3, 1e-5, 1e-2, 1e-7, 1e-1, 1e-9};
   const double m = double(system_.states()), n = double(system_.constraints());
-  const Vector rebounds = rebound(p, offset);
+  const Vector rebounds = rebounds_of_touching(p, offset);
   for (const double share : shares) {
     const double length = short_length(share * h);
     const ShortSteps::Step proposed = short_steps_.take(p.t, length, p.x, offset - length * rebounds);
@@ -238,33 +277,12 @@ Successor::Choice Successor::choose_brief(EventPoint& p) {
   return {brief_.mode, std::move(brief_.step), {}};
 }
 
-// A bounce that does not rise above what counts as zero of w continues with no set: the contact rests.
-Successor::Choice Successor::with_rest(EventPoint& p, const std::function<Choice()>& choose) {
-  const EventPoint before = p;
-  bounced_ = false;
-  Choice choice = choose();
-  if (choice.mode || !bounced_) return choice;
-  p = before;
-  resting_ = true;
-  choice = choose();
-  resting_ = false;
-  return choice;
-}
-
 Successor::Choice Successor::choose(EventPoint& p, bool y_is_known, const std::optional<std::vector<Index>>& likely) {
-  return with_rest(p, [&] { return choose_proposed(p, y_is_known, likely); });
-}
-
-Successor::Choice Successor::choose_among_all(EventPoint& p) {
-  return with_rest(p, [&] { return choose_of_all(p); });
-}
-
-Successor::Choice Successor::choose_proposed(EventPoint& p, bool y_is_known,
-                                             const std::optional<std::vector<Index>>& likely) {
   p.sizes.include_x(p.x);
   impulses_.clear();
   brief_ = {};
   for (int jumps = 0; jumps <= most_jumps_at_once; ++jumps) {
+    settle(p, touching(p, y_is_known));
     const double h = steps_.longest_from(p);
     best_ = {};
     tried_.clear();
@@ -356,9 +374,10 @@ double Successor::Candidate::mean_y() const {
   return (step.y.transpose() * legendre_integrals(step.valid)).norm() / step.valid;
 }
 
-Successor::Choice Successor::choose_of_all(EventPoint& p) {
+Successor::Choice Successor::choose_among_all(EventPoint& p) {
   p.sizes.include_x(p.x);
   impulses_.clear();
+  settle(p, touching(p, false));
   std::vector<Candidate> candidates = smooth_candidates(p);
   if (candidates.empty() && jump_by_the_only_impulse(p)) candidates = smooth_candidates(p);
   if (candidates.empty()) return {};

@@ -8,7 +8,7 @@
 #include "event_step.hpp"
 #include "short_steps.hpp"
 
-#include <functional>
+#include <cmath>
 #include <map>
 #include <optional>
 #include <set>
@@ -42,6 +42,16 @@ class Successor {
 
  private:
   enum class Entry { smooth, jumped, refused };
+  // n values each.
+  struct Impact {
+    Vector e;         ///< of restitution, 0 where a bounce would be too low to be seen; empty: 0
+    Vector velocity;  ///< w'
+    Vector rounding;  ///< of w': smaller values are no impact
+    Vector exact;     ///< likewise: smaller values are those of constraints that hold
+    Vector unseen;    ///< w' of a rigid contact with which it falls back before w has risen above what counts as zero
+
+    bool is_unseen(Index i) const { return unseen[i] > 0 && std::abs(velocity[i]) <= unseen[i]; }
+  };
   // An active set that was tried, with the state after it was entered.
   struct Candidate {
     const SwitchedMode* mode = nullptr;
@@ -55,12 +65,10 @@ class Successor {
   const SwitchedMode* mode_of(const std::vector<Index>& active);
   Vector touching(const EventPoint&, bool y_is_known) const;
   JetValues sources_at(const SwitchedMode&, const EventPoint&, JetValues& size) const;
-  Choice with_rest(EventPoint& p, const std::function<Choice()>& choose);
-  Choice choose_proposed(EventPoint& p, bool y_is_known, const std::optional<std::vector<Index>>& likely);
-  Choice choose_of_all(EventPoint& p);
-  Vector rebound(const EventPoint&, const Vector& offset);
-  double shortest_flights(const EventPoint&, const Vector& impulse) const;
-  bool may_jump(const SwitchedMode&, const EventPoint&, const JetValues& u, const Vector& zero, const Vector& impulse,
+  Impact impact_at(const EventPoint&) const;
+  Vector rebounds_of_touching(const EventPoint&, const Vector& offset) const;
+  void settle(EventPoint&, const Vector& offset);
+  bool may_jump(const SwitchedMode&, const JetValues& u, const Vector& zero, const Vector& impulse,
                 const Vector& bounce) const;
   bool holds_behind(const SwitchedMode&, EventPoint&, const Vector& impulse);
   Entry enter(const SwitchedMode&, EventPoint&);
@@ -78,13 +86,13 @@ class Successor {
   ShortSteps& short_steps_;
   EventSteps& steps_;
   double T_;
+  Vector opens_;  ///< n: w_i'' by y_i of rigid contacts; 0: of others
+  Matrix NAB_;
   std::map<std::vector<Index>, std::optional<SwitchedMode>> modes_;
   std::set<std::vector<Index>> tried_;
-  Candidate best_;        ///< that lasted longest
-  Candidate brief_;       ///< likewise, of those that end at once
-  bool found_ = false;    ///< it lasts long enough
-  bool bounced_ = false;  ///< an impulse had restitution
-  bool resting_ = false;  ///< none has
+  Candidate best_;      ///< that lasted longest
+  Candidate brief_;     ///< likewise, of those that end at once
+  bool found_ = false;  ///< it lasts long enough
   std::vector<EventImpulse> impulses_;
 };
 

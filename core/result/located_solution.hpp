@@ -12,7 +12,8 @@ namespace bromwich {
 /// A jump of the state by B p, entered with this active set.
 struct EventImpulse {
   std::vector<Index> active;
-  Vector p;  ///< n
+  Vector p;       ///< n
+  Vector e = {};  ///< n: the coefficients of restitution, 0 where the bounce would be too low to be seen; none: all 0
 };
 
 /// The solution on [begin, end], begin + length >= end: polynomials on [begin, begin + length].

@@ -77,7 +77,7 @@ void FlowDerivative::pass(const EventPiece* before, const EventPiece& after, Mat
     dx += rate_at(*before, end_of(*before)) * dt;
   }
   for (const Index j : after.resets) dx.row(j).setZero();
-  jump(after, dt, dx);
+  jump(before, after, dt, dx);
   if (!switches) return;
   dx -= rate_at(after, 0) * dt;
 }
@@ -101,22 +101,40 @@ Eigen::RowVectorXd FlowDerivative::moved_times(const EventPiece& before, const M
   return row * dx * (-before.length / slope);
 }
 
-// The derivative of the impulses with which a piece begins, at a time that changes by dt.
-void FlowDerivative::jump(const EventPiece& after, const Eigen::RowVectorXd& dt, Matrix& dx) {
-  if (after.impulses.empty()) return;
+// f and g with their derivatives at a place of a piece; x is that of the piece.
+JetValues FlowDerivative::values_at(const EventPiece& p, double at) const {
   const Collocation& c = Collocation::get();
-  const EventSources::Polynomials given = sources_.sample(after.begin, after.length);
-  const Vector e0 = legendre(0), e1 = c.derivative.transpose() * e0 / after.length,
-               e2 = c.derivative.transpose() * e1 / after.length;
-  JetValues u{after.x.transpose() * e0, given.f.transpose() * e0, given.f.transpose() * e1,
-              given.g.transpose() * e0, given.g.transpose() * e1, given.g.transpose() * e2};
+  const EventSources::Polynomials given = sources_.sample(p.begin, p.length);
+  const Vector e0 = legendre(at), e1 = c.derivative.transpose() * e0 / p.length,
+               e2 = c.derivative.transpose() * e1 / p.length;
+  return {p.x.transpose() * e0,     given.f.transpose() * e0, given.f.transpose() * e1,
+          given.g.transpose() * e0, given.g.transpose() * e1, given.g.transpose() * e2};
+}
+
+// The derivative of the impulses with which a piece begins, at a time that changes by dt. An impulse is that of the
+// constraints of its mode, which hold along the motion in it, and of the rebound of the motion before.
+void FlowDerivative::jump(const EventPiece* before, const EventPiece& after, const Eigen::RowVectorXd& dt, Matrix& dx) {
+  if (after.impulses.empty()) return;
+  JetValues u = values_at(after, 0);
+  std::optional<JetValues> rates;  // of f and g before the impact
+  if (before) {
+    rates = values_at(*before, end_of(*before));
+    rates->x.setZero();
+    rates->f = rates->df, rates->g = rates->dg, rates->dg = rates->ddg;
+  }
   for (const EventImpulse& impulse : after.impulses) u.x -= system_.B * impulse.p;
   for (const EventImpulse& impulse : after.impulses) {
     u.x += system_.B * impulse.p;
     const SwitchedMode* mode = mode_of(impulse.active);
     if (!mode) continue;
     const Vector rate = system_.A * u.x + system_.B * evaluate(mode->y, u) + u.f;
-    dx += system_.B * (mode->impulse * (mode->constraints.x * (dx - rate * dt)));
+    Matrix off = mode->constraints.x * (dx - rate * dt);
+    if (impulse.e.size() > 0) {
+      const Jet back = rebound(system_, *mode, impulse.e);
+      off += back.x * dx;
+      if (rates) off += evaluate(back, *rates) * dt;
+    }
+    dx += system_.B * (mode->impulse * off);
   }
 }
 

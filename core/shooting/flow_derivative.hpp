@@ -7,9 +7,9 @@
 //
 //     dx+ = dx- + (x'- - x'+) dt,
 //
-// with the derivative of x+ = x- + B p where the state jumps (Aizerman & Gantmacher 1958). Breakpoints of f and g do
-// not move. Accumulated events, passed by one short step, count as no change: the constraints of the set after them
-// hold.
+// with the derivative of x+ = x- + B p where the state jumps (Aizerman & Gantmacher 1958); with restitution p depends
+// on the velocity before the impact, and on the forces then. Breakpoints of f and g do not move. Accumulated events,
+// passed by one short step, count as no change: the constraints of the set after them hold.
 //
 // derivatives/switched_tape.hpp has the same equations for changes of all data, and refuses what is differentiable
 // from one side only. Here such a point has a derivative of one side: a Newton iteration takes any.
@@ -46,7 +46,8 @@ class FlowDerivative {
   Matrix carried(const EventSolution&, Matrix dx, FlowChange* most);
   void pass(const EventPiece* before, const EventPiece& after, Matrix& dx);
   Eigen::RowVectorXd moved_times(const EventPiece& before, const Matrix& dx);
-  void jump(const EventPiece& after, const Eigen::RowVectorXd& dt, Matrix& dx);
+  JetValues values_at(const EventPiece&, double at) const;
+  void jump(const EventPiece* before, const EventPiece& after, const Eigen::RowVectorXd& dt, Matrix& dx);
   void project(const SwitchedMode&, Matrix& dx) const;
 
   const SystemMatrices system_;

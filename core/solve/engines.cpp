@@ -35,11 +35,16 @@ Vector start_by_galerkin(const Scene& scene, Backend& backend, const InnerOption
 
 bool ends(const Result& r) { return r.status == Status::solved || r.status == Status::interrupted; }
 
+// Impacts with restitution are located: steps would take them as without.
+bool bounces(const Scene& scene) { return (scene.restitution.array() > 0).any(); }
+// So are resets.
+bool is_located(const Scene& scene) { return bounces(scene) || !scene.resets.empty(); }
+
 // Where it does not succeed from rest, it starts from method galerkin.
 Result by_shooting(const Scene& scene, Backend& backend, const InnerOptions& options) {
   Result from_rest = solve_by_shooting(scene, backend, options);
   if (ends(from_rest)) return from_rest;
-  if (!scene.resets.empty()) return from_rest;
+  if (is_located(scene)) return from_rest;
   const Vector start = start_by_galerkin(scene, backend, options);
   if (start.size() == 0) return from_rest;
   Result again = solve_by_shooting(scene, backend, options, start);
@@ -55,21 +60,15 @@ Result for_goal(const Scene& scene, Backend& backend, const InnerOptions& option
   return solve_for_goal(scene, backend, options);
 }
 
-// Impacts with restitution are located: steps would take them as without.
-bool bounces(const Scene& scene) { return (scene.restitution.array() > 0).any(); }
-// So are resets.
-bool is_located(const Scene& scene) { return bounces(scene) || !scene.resets.empty(); }
-
 constexpr const char* of_impacts =
-    "impacts with restitution are taken by located events alone, with initial values; use method events";
+    "impacts with restitution are taken by located events alone; use method events, or shooting for boundary values";
 
 constexpr const char* of_resets = "modes with memory are taken by located events alone; use method events";
 
 std::string not_shooting(const Scene& scene) {
-  if (bounces(scene)) return of_impacts;
   const std::string why = unsuited_to_shooting(scene);
   if (why.empty()) return "";
-  return "method shooting: " + why + "; use method galerkin";
+  return "method shooting: " + why + (is_located(scene) ? "" : "; use method galerkin");
 }
 
 std::string not_events(const Scene& scene) {

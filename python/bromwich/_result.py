@@ -298,7 +298,7 @@ class Result(Rows):
 
         Args:
             located: False: of the discrete solution, for a continuous y and the methods march, shooting, contour and multigrid.
-                True: of the solution with located switches, for dense scenes of up to 64 states and 48 constraints, also
+                True: of the solution with located switches, for dense scenes of up to 128 states and 96 constraints, also
                 where y or x jumps (relays, M = 0, impacts). None: located where y may jump, and where that of the
                 discrete solution is refused.
             all_times: of the discrete solution over all time points, on the backend of the result and by its method, for

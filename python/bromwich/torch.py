@@ -182,7 +182,7 @@ def solve(
             read on the host. Results are not looked at again with half the step.
         device: number of the CUDA device; None: the first one.
         tol: switches are located, so that values and derivatives are those of the solution, to this tolerance (derivatives to
-            about 1e-9), and not of its steps; at most 64 states and 48 constraints. None: of the steps.
+            about 1e-9), and not of its steps; at most 128 states and 96 constraints. None: of the steps.
         refine: steps between two time points. Derivatives of few steps may be far off where the values are not; how far
             says the difference to those with ``refine=2``.
         failed: what a scene without a solution does. ``"raise"``: it raises an error. ``"nan"``, ``"zero"``: its y, x and w

@@ -129,7 +129,8 @@ nb::dict state_of(const LocatedSolution& s) {
     nb::dict piece;
     nb::list impulses;
     members_of_piece(Writer{piece}, p);
-    for (const EventImpulse& impulse : p.impulses) impulses.append(nb::make_tuple(impulse.active, impulse.p));
+    for (const EventImpulse& impulse : p.impulses)
+      impulses.append(nb::make_tuple(impulse.active, impulse.p, impulse.e));
     piece["impulses"] = impulses;
     pieces.append(piece);
   }
@@ -148,7 +149,8 @@ std::shared_ptr<const LocatedSolution> located_from(const nb::dict& d) {
     EventPiece p{};
     members_of_piece(Reader{piece}, p);
     for (const nb::handle impulse : nb::cast<nb::list>(piece["impulses"]))
-      p.impulses.push_back({nb::cast<std::vector<Index>>(impulse[0]), nb::cast<Vector>(impulse[1])});
+      p.impulses.push_back(
+          {nb::cast<std::vector<Index>>(impulse[0]), nb::cast<Vector>(impulse[1]), nb::cast<Vector>(impulse[2])});
     s->pieces.push_back(std::move(p));
   }
   for (const nb::handle w : nb::cast<nb::list>(d["switches"]))

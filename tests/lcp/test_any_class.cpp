@@ -156,6 +156,36 @@ TEST(Lemke, SolvesP) {
   EXPECT_LE((outcome.y - Vector::Constant(9, 0.1)).cwiseAbs().maxCoeff(), 1e-15);
 }
 
+// Planar contacts with friction, y = (normal force, friction + mu times that, slack of sliding) of each, any mu and
+// rows of sizes that differ by 1e8: with independent contacts, a larger diagonal and gaps that open faster than
+// contacts slide no ray is met.
+TEST(Lemke, SolvesContactsWithFriction) {
+  constexpr double raised = 1e-9, sliding = 1.0 / 64;
+  Random random(38);
+  for (int instance = 0; instance < 300; ++instance) {
+    const Index k = 1 + instance % 12, n = 3 * k;
+    const Matrix H = random.matrix(2 * k, 2 * k), W = H * H.transpose() + 1e-3 * Matrix::Identity(2 * k, 2 * k);
+    const Vector mu = 2 * random.vector(k).cwiseAbs(), free = random.vector(2 * k);
+    Matrix M = Matrix::Zero(n, n);
+    Vector q = Vector::Zero(n), cover = Vector::Constant(n, sliding);
+    for (Index i = 0; i < k; ++i) {
+      for (Index j = 0; j < k; ++j)
+        for (Index a = 0; a < 2; ++a) {
+          M(3 * i + a, 3 * j) = W(2 * i + a, 2 * j) - mu[j] * W(2 * i + a, 2 * j + 1);
+          M(3 * i + a, 3 * j + 1) = W(2 * i + a, 2 * j + 1);
+        }
+      M(3 * i + 1, 3 * i + 2) = 1;
+      M(3 * i + 2, 3 * i) = 2 * mu[i], M(3 * i + 2, 3 * i + 1) = -1, M(3 * i + 2, 3 * i + 2) = raised;
+      q.segment(3 * i, 2) = (instance % 3 == 0 && i % 2 == 0 ? 1e8 : 1.0) * free.segment(2 * i, 2);
+      if (i % 2 == 0) q[3 * i] = std::abs(q[3 * i]);
+      cover[3 * i] = 1;
+    }
+    const LemkeOutcome outcome = lemke(M, q, cover);
+    ASSERT_TRUE(outcome.solved) << instance;
+    EXPECT_LE(residual(M, q, outcome.y), 1e-9) << instance;
+  }
+}
+
 TEST(Lemke, RayProvesNothingWithoutCopositivity) {
   Random random(35);
   int rays = 0;

@@ -7,6 +7,7 @@
 #include <gtest/gtest.h>
 
 #include <random>
+#include <utility>
 
 namespace bromwich {
 namespace {
@@ -14,16 +15,23 @@ namespace {
 using oracle::moreau_jean;
 
 // Located events against two solutions of time stepping: their difference is about the error of the finer one, of order
-// one. An impact in another step changes it by a few steps times the velocity, which is below 5.
+// one. An impact in another step changes it by a few steps times the velocity, which is below 5. Where impacts magnify
+// such changes the steps are too long for that, and shorter ones follow.
 void expect_motion(const Mechanism& m) {
-  constexpr double step = 1e-3, velocity = 5;
+  constexpr double velocity = 5, shortest = 2e-4;
   const double T = m.structure.T;
   const Result r = located(m.scene);
   ASSERT_EQ(r.status, Status::solved) << r.reason;
   const Index d = m.coordinates();
-  const Vector coarse = moreau_jean(m, T, 2 * step).q, fine = moreau_jean(m, T, step).q;
-  const double error = (fine - coarse).cwiseAbs().maxCoeff();
-  EXPECT_LE((last_state(r).head(d) - fine).cwiseAbs().maxCoeff(), 4 * error + velocity * step);
+  Vector fine = moreau_jean(m, T, 2e-3).q;
+  for (double step = 1e-3;; step /= 2) {
+    const Vector coarse = std::exchange(fine, moreau_jean(m, T, step).q);
+    const double error = (fine - coarse).cwiseAbs().maxCoeff(),
+                 off = (last_state(r).head(d) - fine).cwiseAbs().maxCoeff();
+    if (off > 4 * error + velocity * step && step > shortest) continue;
+    EXPECT_LE(off, 4 * error + velocity * step);
+    break;
+  }
   const ContactReport report = contact_report(m, r);
   EXPECT_TRUE(report.located);
   EXPECT_LE(report.energy.error, 1e-9);
@@ -72,7 +80,7 @@ Mechanism chain(Index blocks, double restitution) {
 }
 
 TEST(ManyContacts, ChainsOfBlocks) {
-  for (const Index blocks : {2, 4, 8})
+  for (const Index blocks : {2, 4, 8, 16})
     for (const double e : {0.0, 0.5}) {
       SCOPED_TRACE(testing::Message() << blocks << " blocks, e = " << e);
       expect_motion(chain(blocks, e));
@@ -84,7 +92,7 @@ struct Drawn {
   std::vector<Contact> contacts;
 };
 
-Drawn random_structure(std::uint32_t seed) {
+Drawn random_structure(std::uint32_t seed, Index contacts) {
   std::mt19937 random(seed);
   std::normal_distribution<double> normal;
   const auto pick = [&](const std::vector<double>& values) { return values[random() % values.size()]; };
@@ -93,7 +101,7 @@ Drawn random_structure(std::uint32_t seed) {
     for (double& value : m.reshaped()) value = normal(random);
     return m;
   };
-  const Index contacts = 1 + Index(seed % 5), d = 2 * contacts + Index(random() % 3);
+  const Index d = 2 * contacts + Index(random() % 3);
   Drawn drawn;
   Structure& s = drawn.structure;
   const Matrix R = draw(d, d), S = draw(d, d), I = Matrix::Identity(d, d);
@@ -129,16 +137,16 @@ class RandomStructure : public testing::TestWithParam<int> {};
 TEST_P(RandomStructure, MovesAsTimeSteppingSays) {
   for (std::uint32_t seed = 8 * std::uint32_t(GetParam()); seed < 8 * std::uint32_t(GetParam() + 1); ++seed) {
     SCOPED_TRACE(testing::Message() << "seed " << seed);
-    const Drawn drawn = random_structure(seed);
+    const Drawn drawn = random_structure(seed, 1 + Index(seed % 16));
     expect_motion(make_mechanism(drawn.structure, drawn.contacts));
   }
 }
-INSTANTIATE_TEST_SUITE_P(Seeds, RandomStructure, testing::Range(0, 5));
+INSTANTIATE_TEST_SUITE_P(Seeds, RandomStructure, testing::Range(0, 6));
 
 // Tangents and velocities of the other bodies with other signs: the same motion.
 TEST(ManyContacts, TurnedTangentsChangeNothing) {
   for (const std::uint32_t seed : {2u, 3u, 8u, 13u}) {
-    Drawn drawn = random_structure(seed);
+    Drawn drawn = random_structure(seed, 1 + Index(seed % 5));
     const Vector x = last_state(located(make_mechanism(drawn.structure, drawn.contacts).scene));
     for (Contact& c : drawn.contacts) {
       c.tangent = -c.tangent;
