@@ -167,21 +167,20 @@ class LocatedShooting {
     return given || !is_periodic(c_) || settle(first_periods);
   }
 
-  // Periods from the last iterate on. Where one moves the state as the one before did, the state drifts towards a
-  // constraint, along what E0 + ET D does not see, and twice as many periods are passed at once. Newton's method takes
-  // the other changes to their end, which many times rounding or a fast mode would cover.
+  // Periods from the last iterate on. Where one moves what E0 + ET D leaves open as the one before did, the state
+  // drifts towards a constraint, and twice as many periods are passed at once. Newton's method takes all else to its
+  // end.
   bool settle(int periods) {
     double at_once = 1;
     for (int k = 0; k < periods && now_.defect > rounding_of_F; ++k) {
-      Vector moved = end_of_flow(now_.flow) - now_.x, next = now_.x + moved;
-      if (at_once > 1) {
-        const ShootingMatrix K(c_, derivative_.at_end(now_.flow), size_of_states());
-        moved = K.drift(c_, -now_.F);
-        next = now_.x + K.solve(-now_.F - c_.E0 * moved) + at_once * moved;
-      }
-      auto it = next.allFinite() ? flow_from(next) : std::nullopt;
+      const Matrix D = derivative_.at_end(now_.flow);
+      if (!D.allFinite()) return give_up("changes of x(0) grow without bounds");
+      const ShootingMatrix K(c_, D, size_of_states());
+      const Vector drift = K.drift(c_, -now_.F);
+      auto it = flow_from(at_once > 1 ? Vector(now_.x + K.solve(-now_.F - c_.E0 * drift) + at_once * drift)
+                                      : end_of_flow(now_.flow));
       if (!it && (solution_.interrupted || at_once == 1)) return false;
-      const bool alike = it && (end_of_flow(it->flow) - it->x - moved).norm() <= drifting * moved.norm();
+      const bool alike = it && !K.regular && (K.drift(c_, -it->F) - drift).norm() <= drifting * drift.norm();
       if (alike && at_once > most_at_once)
         return give_up(text("the state drifts: after %.0f periods each still moves it as the first did", at_once));
       if (alike || at_once == 1) take(std::move(*it));

@@ -12,6 +12,7 @@ import numpy as np
 from . import _core
 from ._array_solver import SharedArray
 from ._arrays import of_other_library, on_host
+from ._backends import cuda_devices
 from ._batch_output import BatchOutput
 from ._derivative import BatchDerivative
 from ._errors import Error, Interrupted, NotSolved, NotSolvedWarning
@@ -173,7 +174,8 @@ def solve_batch(
         backend, device, threads, progress, stop, method, tol, states, iteration_tol, max_iterations, memory_limit:
             as :func:`solve` takes them. ``progress`` counts scenes.
         results: ``"device"``: y and x stay in the memory of a CUDA device, as :class:`SharedArray`, which other libraries
-            take without a copy; w is not computed. On the cpu they are NumPy's arrays.
+            take without a copy; w is not computed. ``backend="auto"`` is a device then, where there is one. On the cpu
+            they are NumPy's arrays.
         ranks: a communicator of mpi4py, whose ranks call ``solve_batch`` together with the same arguments: scene k goes to
             rank k modulo their number, and all get the whole result.
         check: what happens where a status is not ``solved``, as in :func:`solve`; there is one warning for all.
@@ -212,6 +214,8 @@ def solve_batch(
     )
     rows = [] if times is None else np.ravel(np.asarray(times, dtype=float)).tolist()
     data = (models, count, axes, x0, f, g) if shared is None else _share(shared, models, count, axes, x0, f, g)
+    if results == "device" and backend == "auto" and cuda_devices():
+        backend = "cuda"
     on = wanted(backend, device, threads, shared)
     first_rank = shared is None or shared.rank == 0
 

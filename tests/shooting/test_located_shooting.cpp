@@ -251,13 +251,11 @@ TEST(LocatedShooting, SaysThatOtherStatesArePeriodicToo) {
   EXPECT_FALSE(r.well_posed);
 }
 
-TEST(LocatedShooting, SaysThatNothingDeterminesTheState) {
+TEST(LocatedShooting, RefusesModesThatNothingDetermines) {
   // A capacitor behind a diode, without a load: every voltage above the peak of the source stays.
-  const Result peak = shot(one_state(
-      0, 1, [](double) { return 0.0; }, [](double t) { return -std::sin(2 * pi * t); }));
-  ASSERT_EQ(peak.status, Status::solved) << peak.reason;
-  EXPECT_FALSE(peak.well_posed);
-  EXPECT_GE(peak.x(0, 0), 1 - close);
+  const Scene peak = one_state(
+      0, 1, [](double) { return 0.0; }, [](double t) { return -std::sin(2 * pi * t); });
+  EXPECT_NE(refusal([&] { shot(peak); }).find("boundary: E0 + ET e^{TA} is singular"), std::string::npos);
   const Scene scene =  // x = t, and no constraint is ever active
       one_state(
           0, 1, [](double) { return 1.0; }, [](double) { return 1.0; });
@@ -278,16 +276,16 @@ TEST(LocatedShooting, ReachesAConstraintManyPeriodsAway) {
   EXPECT_NE(shoot_on_events(scene, LcpClass::unknown, {}, {}).reason.find("the state drifts"), std::string::npos);
 }
 
-// The same rise of 1 a period, up to c, as the input of a slow mode and of a fast one that rings: z'' + 40 z' + 1e6 z =
-// 1e6 x. There x = z = s = c, at rest.
+// A rise of 1 a period up to c, as the input of a slow mode and of a fast one that rings: z'' + 4 z' + 1e4 z = 1e4 x.
+// There x = z = s = c, at rest.
 TEST(LocatedShooting, ReachesItBesideSlowAndFastModes) {
   const double c = 30000;
   DenseDynamics d{Matrix::Zero(4, 4), Matrix{{-1}, {0}, {0}, {0}}, Matrix{{-1, 0, 0, 0}}};
   d.A.row(1) << 0.01, -0.01, 0, 0;
   d.A.row(2) << 0, 0, 0, 1;
-  d.A.row(3) << 1e6, 0, -1e6, -40;
+  d.A.row(3) << 1e4, 0, -1e4, -4;
   Scene scene = periodic(d, Matrix{{0}}, 1);
-  scene.f = [](double t, Eigen::Ref<Vector> v) { v << 1 - std::cos(2 * pi * t), 0, 0, 0; };
+  scene.f = [](double t, Eigen::Ref<Vector> v) { v << 1 + 0.5 * std::cos(2 * pi * t), 0, 0, 0; };
   scene.g = [c](double, Eigen::Ref<Vector> v) { v[0] = c; };
   const Result r = shot(scene);
   ASSERT_EQ(r.status, Status::solved) << r.reason;
