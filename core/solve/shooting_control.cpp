@@ -83,7 +83,8 @@ Result solve_by_shooting(const Scene& given, Backend& backend, const InnerOption
   Vector from = start;
   for (const double tolerance : shooting_tolerances) {
     const ShootingSolution s = shoot(scene, options, tolerance, from);
-    if (!s.determined && s.free) refuse_open_mode(s.condition);
+    // One of several periodic states is a result, with a notice. Other conditions that determine nothing are mistakes.
+    if (!s.determined && s.free && !(s.found && is_periodic(*scene.boundary))) refuse_open_mode(s.condition);
     if (!s.found) {
       result = unsolved(scene, backend, options, s.interrupted ? Status::interrupted : Status::tolerance_not_met,
                         text("no x(0) was found in %ld integrations: ", long(s.flows)) + s.reason);
