@@ -217,7 +217,7 @@ class LocatedShooting {
       if (!K.regular && now_.defect > zero && !solvable(K))
         return give_up("E0 + ET D is singular (D: the derivative of x(T) by x(0)), and no x(0) was found");
       if ((step <= small_step && now_.defect <= small_F) || now_.defect <= zero) {
-        solution_.x0 = now_.x + dx;
+        solution_.x0 = nearest_feasible(scene_, now_.x + dx, size_of_states());
         return true;
       }
       ++solution_.newton;
