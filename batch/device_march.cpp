@@ -42,7 +42,7 @@ SceneMarchProblem scene_march_problem(const LanePlan& p) {
   SceneMarchProblem s;
   s.layout = {p.m, p.n, 0, p.stages};
   s.J = p.J, s.h = p.h, s.most_growth = p.most_growth;
-  s.stages = p.stages, s.surely_P = p.surely_P, s.certain = p.certain, s.rigid = p.rigid;
+  s.surely_P = p.surely_P, s.certain = p.certain, s.rigid = p.rigid;
   s.judged = p.least_elements && !p.stages;
   s.part.resize(p.m);
   for (Index i = 0; i < p.m; ++i) s.part[i] = std::cos(1.0 + 2.399963 * double(i));
@@ -73,7 +73,6 @@ void write_plan(const LanePlan& p, const PlanLayout& layout, double* to) {
   if (layout.k == 0) return;
   put(PlanTable::drift_map, p.maps.drift), put(PlanTable::q_map, p.maps.q);
   put(PlanTable::growth_map, p.stages ? p.maps.growth : RowMatrix(RowMatrix::Zero(p.m, layout.k)));
-  put(PlanTable::f_map, p.maps.f);
 }
 
 SceneMarchProblem shared_march_problem(const LanePlan& p) {

@@ -270,7 +270,7 @@ class DeviceSceneMarch final : public SceneMarch {
         side_(device.side_streams().take()) {
     Matrices<Table>& s = given_.matrices;
     s.m = m(), s.J = p.J, s.h = p.h;
-    s.surely_P = p.surely_P, s.stages = p.stages, s.most_growth = p.most_growth;
+    s.surely_P = p.surely_P, s.stages = layout_.stages, s.most_growth = p.most_growth;
     given_.steps.all_solutions = p.certain;
     given_.driven_by = layout_.k;
     const auto keep = [&](const auto& table, const double*& to) {

@@ -33,7 +33,6 @@ enum class PlanTable {
   drift_map,       ///< m x 2k: SourceMaps (batch/lane_plan.hpp)
   q_map,           ///< 2n x 2k, with stages
   growth_map,      ///< m x k
-  f_map,           ///< m x k
   g_scale,         ///< u
   count
 };
@@ -82,7 +81,6 @@ struct PlanLayout {
       case PlanTable::q_map:
         return stages ? 4 * n * k : 0;
       case PlanTable::growth_map:
-      case PlanTable::f_map:
         return m * k;
       case PlanTable::count:
         return 0;

@@ -26,14 +26,14 @@ struct SceneMarchProblem {
   scene_steps::PlanLayout layout;
   Index J = 0;
   double h = 0, most_growth = 50;
-  bool stages = false, surely_P = false;
+  bool surely_P = false;
   bool certain = true;  ///< solutions are the only ones; otherwise they have to be (LaneProblem::try_stages)
   bool judged = false;  ///< active sets are those of least elements
   unsigned rigid = 0;
   Vector plan;  ///< one row; empty: each scene has its own
   /// (J+1) rows each. f contributes by tables in the units of the plan, or by maps of samples in those of the scenes.
   RowMatrix g, at_points, drift, growth_drift, f;
-  RowMatrix driven;         ///< 2k: samples for drift_map and q_map; `f` has those for growth_map and f_map then
+  RowMatrix driven;         ///< 2k: samples for drift_map and q_map; `f` has those for growth_map then
   RowMatrix seen, euler;    ///< n x m and 2^n n x n, of implicit Euler; empty: other solutions are not searched
   Vector part;              ///< m
   std::vector<Index> rows;  ///< time points whose rows are returned, increasing
