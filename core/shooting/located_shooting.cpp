@@ -26,9 +26,11 @@ constexpr double small_F = 1e-6;         ///< likewise: after more, no step is t
 constexpr double finest_flow = 1e-12;
 constexpr double least_size = 1e-3;  ///< of the largest component: sizes of others are at least that
 constexpr int most_newton = 40, most_halved = 8;
+constexpr int first_halved = 3, most_ahead = 10;  ///< shorter steps before whole ones go on, and these
+constexpr int slow_steps = 6;                     ///< of Newton's method, within which F halves
 constexpr double slow_fall = 0.1;   ///< of F in a step of Newton's method: after less, longer steps are tried
 constexpr double longest_step = 8;  ///< of those, in steps
-constexpr int first_periods = 2, later_periods = 20, most_periods = 150;
+constexpr int first_periods = 2, later_periods = 20, most_periods = 140;
 constexpr double settles = 0.99;          ///< of F before some periods, at most
 constexpr double drifting = 1e-2;         ///< of what a period moves: difference to the one before
 constexpr double most_at_once = 1 << 16;  ///< periods
@@ -55,11 +57,11 @@ class LocatedShooting {
 
   ShootingSolution run() {
     if (!begin()) return ended();
-    for (int periods = later_periods, all = 0; !newton(); all += periods, periods *= 3) {
-      if (solution_.interrupted || all + periods > most_periods || !is_periodic(c_)) return ended();
+    for (int periods = 0; !newton(); periods += later_periods) {
+      if (solution_.interrupted || periods == most_periods || !is_periodic(c_)) return ended();
       const double before = now_.defect;
       const std::string why = why_;
-      if (!settle(periods)) return ended();
+      if (!settle(later_periods)) return ended();
       if (now_.defect <= settles * before) continue;
       if (newton_from_parts()) break;
       if (solution_.interrupted) return ended();
@@ -201,6 +203,8 @@ class LocatedShooting {
 
   // False where steps do not bring F down.
   bool newton() {
+    std::vector<double> before;
+    ahead_ = INFINITY;
     for (int k = 0; k < most_newton; ++k) {
       solution_.D = derivative_.at_end(now_.flow);
       if (!solution_.D.allFinite()) return give_up("changes of x(0) grow without bounds");
@@ -220,6 +224,8 @@ class LocatedShooting {
         solution_.x0 = nearest_feasible(scene_, now_.x + dx, size_of_states());
         return true;
       }
+      if (k >= slow_steps && now_.defect > before[k - slow_steps] / 2) break;
+      before.push_back(now_.defect);
       ++solution_.newton;
       if (!descend(dx)) {
         if (solution_.interrupted || step > stagnant_step || now_.defect > small_F) return false;
@@ -237,9 +243,30 @@ class LocatedShooting {
     return (F - U * (U.transpose() * F)).norm() <= 1e-6 * F.norm() + options_.events.tolerance;
   }
 
+  // F is smooth in pieces. Where short steps would stay within one, whole steps go on from piece to piece, though F may
+  // rise on the way.
+  bool run_ahead(Vector dx) {
+    const Iterate best = now_;
+    for (int k = 0; k < most_ahead; ++k) {
+      auto it = flow_from(now_.x + dx);
+      if (!it) break;
+      take(std::move(*it));
+      if (now_.defect <= best.defect / 2) return true;
+      const Matrix D = derivative_.at_end(now_.flow);
+      if (!D.allFinite()) break;
+      dx = ShootingMatrix(c_, D, size_of_states()).solve(-now_.F);
+    }
+    now_ = best;
+    look_at_sizes(now_.flow);
+    ahead_ = best.defect / 2;
+    return false;
+  }
+
   bool descend(const Vector& dx) {
     double share = 1;
     for (int k = 0; k <= most_halved; ++k, share /= 2) {
+      if (k == first_halved && now_.defect <= ahead_ && run_ahead(dx)) return true;
+      if (solution_.interrupted) return false;
       auto it = flow_from(now_.x + share * dx);
       if (solution_.interrupted) return false;
       if (!it || !(defect_of(it->F) <= (1 - 0.1 * share) * now_.defect)) continue;
@@ -273,6 +300,7 @@ class LocatedShooting {
   Vector size_;         ///< m: largest values of the last flow
   const Vector least_;  ///< m: sizes are at least these
   Iterate now_;
+  double ahead_ = INFINITY;  ///< F from which whole steps may go on
   double work_ = 0;
   std::string why_;
   ShootingSolution solution_;

@@ -97,7 +97,7 @@ bool has_boundary(const Scene& scene, const InnerOptions& options) { return scen
 
 /// Of grids that are tried where method shooting has found no x(0): states that it does not find, unstable ones and
 /// those that drift, take seconds on each finer grid and are not found there.
-constexpr Index most_after_shooting = 1600;
+constexpr Index most_after_shooting = 400;
 
 /// One way to solve a scene. Method automatic tries those that want it, in this order, until one solves it.
 struct Engine {

@@ -71,11 +71,12 @@ TEST_P(PeriodicMasses, AreRight) {
 // stops: between soft stops, without order. threefold: the state settles to three periods. sticking: a mass that
 // sticks may stay where it is, and others too. creeping: it stays from a border on. loaded: contacts are closed at the
 // ends of periods, with speeds of rounding. resting: nothing moves but by rounding. held, pressed: steps of Newton's
-// method leave gaps below zero by rounding.
+// method leave gaps below zero by rounding. beyond, across: F rises on the way to the piece that has the solution.
 INSTANTIATE_TEST_SUITE_P(Unstable, PeriodicMasses,
                          testing::Values(Drawn{"stops", 0}, Drawn{"threefold", 21}, Drawn{"sticking", 30},
                                          Drawn{"creeping", 41}, Drawn{"loaded", 62}, Drawn{"resting", 53},
-                                         Drawn{"held", 83}, Drawn{"pressed", 192}),
+                                         Drawn{"held", 83}, Drawn{"pressed", 192}, Drawn{"beyond", 118},
+                                         Drawn{"across", 154}),
                          [](const auto& one) { return one.param.name; });
 
 }  // namespace
