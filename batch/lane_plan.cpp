@@ -152,7 +152,7 @@ std::unique_ptr<LanePlan> LanePlan::make(const Scene& given, Backend& backend, I
   const DenseDynamics& dense = *d.small_state();
   std::unique_ptr<LanePlan> p(new LanePlan);
   p->family_ = family, p->backend_ = &backend;
-  p->m = scene.states(), p->n = scene.constraints(), p->J = J, p->h = d.h, p->t = d.t;
+  p->m = scene.states(), p->n = scene.constraints(), p->J = J, p->h = d.h;
   p->A = dense.A, p->B = dense.B, p->N = dense.N, p->M = to_dense(natural->M);
   p->lcp_class = d.lcp_class;
   p->least_elements = selects_least(d.lcp_class);

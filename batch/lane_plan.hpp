@@ -105,7 +105,6 @@ class LanePlan {
   LcpClass lcp_class = LcpClass::unknown;
   bool least_elements = false, surely_P = false, certain = true;
   double most_growth = 50;  ///< of perturbations, half of what a single solve accepts
-  Vector t;
   Matrix A, B, N, M;
   StepMaps whole;
   Matrix euler_E, euler_R;                         ///< with stages: of implicit Euler, m x m and m x n
