@@ -4,6 +4,7 @@
 #include "core/host/stage_steps.hpp"
 #include "core/kernel/closed_loop.hpp"
 #include "core/kernel/discretise.hpp"
+#include "core/kernel/operators.hpp"
 #include "core/kernel/resolution.hpp"
 #include "core/kernel/weight_check.hpp"
 #include "core/lcp/active_set.hpp"
@@ -147,8 +148,10 @@ std::unique_ptr<LanePlan> LanePlan::make(const Scene& given, Backend& backend, I
   const NaturalUnits units = nearby ? *nearby : natural_units(given);  // as a single solve: e^{hA} keeps more digits
   auto natural = std::make_unique<Scene>(in_natural_units(scene, units));
   const auto family = std::make_shared<GridFamily>();
-  Methods methods(*natural, backend, J, {}, false, family);
-  const DiscreteProblem& d = methods.problem();
+  const DiscreteProblem d = own_sources ? discretise_maps(*natural, backend, J, *family)
+                                        : discretise(*natural, backend, J, false, family.get());
+  const std::unique_ptr<TimeOperator> steps = make_time_operator(d);
+  const BasisChoice& basis = steps->basis();
   const DenseDynamics& dense = *d.small_state();
   std::unique_ptr<LanePlan> p(new LanePlan);
   p->family_ = family, p->backend_ = &backend;
@@ -162,11 +165,10 @@ std::unique_ptr<LanePlan> LanePlan::make(const Scene& given, Backend& backend, I
   if (!(epsilon * size <= rounding_of_time)) return why = "long times", nullptr;
   if (!own_sources && (d.f.not_finite() >= 0 || d.g.not_finite() >= 0))
     return why = "sources that are not finite", nullptr;
-  p->stages = !methods.basis().continuous || methods.basis().rings || methods.basis().only_in_sweeps;
-  if (methods.basis().rings) p->most_growth = growth_with_rings;
+  p->stages = !basis.continuous || basis.rings || basis.only_in_sweeps;
+  if (basis.rings) p->most_growth = growth_with_rings;
   p->natural = std::move(natural);
-  const bool fine =
-      p->stages ? p->take_stages(methods, own_sources, why) : p->take_continuous(methods, own_sources, why);
+  const bool fine = p->stages ? p->take_stages(d, own_sources, why) : p->take_continuous(d, own_sources, why);
   if (!fine) return nullptr;
   if (p->stages)
     p->units = units;
@@ -176,8 +178,7 @@ std::unique_ptr<LanePlan> LanePlan::make(const Scene& given, Backend& backend, I
   return p;
 }
 
-bool LanePlan::take_continuous(Methods& methods, bool own_sources, std::string& why) {
-  const DiscreteProblem& d = methods.problem();
+bool LanePlan::take_continuous(const DiscreteProblem& d, bool own_sources, std::string& why) {
   const DenseDynamics& dense = *d.small_state();
   if (!least_elements && !surely_P) return why = "M is of another class than P and Z", false;
   const std::shared_ptr<const StepOperators> step = state_step(d, Rule::exponential);
@@ -203,8 +204,7 @@ bool LanePlan::look_for_others(std::string& why) {
   return false;
 }
 
-bool LanePlan::take_stages(Methods& methods, bool own_sources, std::string& why) {
-  const DiscreteProblem& d = methods.problem();
+bool LanePlan::take_stages(const DiscreteProblem& d, bool own_sources, std::string& why) {
   if (2 * n > largest_tabulated) return why = "stages of more than four constraints", false;
   if (d.sources) return why = "stages with sources that are not smooth", false;
   if (!has_euler_step(A, h)) return why = "a step of implicit Euler is singular", false;

@@ -3,8 +3,9 @@
 // sources. See core/host/scene_steps.hpp for the steps and batch/lane_march.hpp for their use.
 
 #include "../core/host/stage_problem.hpp"
+#include "../core/kernel/discrete_problem.hpp"
+#include "../core/kernel/shared_dynamics.hpp"
 #include "../core/scene/natural_units.hpp"
-#include "../core/solve/methods.hpp"
 #include "active_set_table.hpp"
 
 #include <deque>
@@ -122,8 +123,8 @@ class LanePlan {
 
  private:
   LanePlan() = default;
-  bool take_continuous(Methods&, bool own_sources, std::string& why);
-  bool take_stages(Methods&, bool own_sources, std::string& why);
+  bool take_continuous(const DiscreteProblem&, bool own_sources, std::string& why);
+  bool take_stages(const DiscreteProblem&, bool own_sources, std::string& why);
   bool look_for_others(std::string& why);
   bool add_parts(const DiscreteProblem&, std::string& why);
   void to_units_of(const Scene&, const NaturalUnits&);

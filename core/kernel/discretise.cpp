@@ -39,11 +39,15 @@ std::shared_ptr<const StepDefects> defects_of_f(const DiscreteProblem& p) {
 
 DiscreteProblem discretise(const Scene& scene, Backend& backend, Index J, bool every_step, GridFamily* family) {
   GridFamily own;
-  if (!family) family = &own;
-  const LcpClass lcp_class = family->lcp_class(scene);
-  DiscreteProblem p{scene, backend, lcp_class, J, scene.T / double(J), time_grid(scene.T, J), {}, {}, {}};
-  p.shared = family->of(scene.dynamics);
+  DiscreteProblem p = discretise_maps(scene, backend, J, family ? *family : own);
+  p.t = time_grid(scene.T, J);
   sample_sources(p, every_step);
+  return p;
+}
+
+DiscreteProblem discretise_maps(const Scene& scene, Backend& backend, Index J, GridFamily& family) {
+  DiscreteProblem p{scene, backend, family.lcp_class(scene), J, scene.T / double(J), {}, {}, {}, {}};
+  p.shared = family.of(scene.dynamics);
   return p;
 }
 

@@ -8,6 +8,9 @@ namespace bromwich {
 /// this scene share; null: nothing.
 DiscreteProblem discretise(const Scene&, Backend&, Index J, bool every_step = false, GridFamily* family = nullptr);
 
+/// The maps of its steps alone: without time points, f and g.
+DiscreteProblem discretise_maps(const Scene&, Backend&, Index J, GridFamily&);
+
 /// Samples the sources of the scene again, and copies its x0.
 void sample_sources(DiscreteProblem&, bool every_step);
 /// Copies only x0.
