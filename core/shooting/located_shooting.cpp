@@ -61,6 +61,7 @@ class LocatedShooting {
       if (solution_.interrupted || periods == most_periods || !is_periodic(c_)) return ended();
       const double before = now_.defect;
       const std::string why = why_;
+      ahead_ = INFINITY;
       if (!settle(later_periods)) return ended();
       if (now_.defect <= settles * before) continue;
       if (newton_from_parts()) break;
@@ -204,7 +205,6 @@ class LocatedShooting {
   // False where steps do not bring F down.
   bool newton() {
     std::vector<double> before;
-    ahead_ = INFINITY;
     for (int k = 0; k < most_newton; ++k) {
       solution_.D = derivative_.at_end(now_.flow);
       if (!solution_.D.allFinite()) return give_up("changes of x(0) grow without bounds");
@@ -300,7 +300,7 @@ class LocatedShooting {
   Vector size_;         ///< m: largest values of the last flow
   const Vector least_;  ///< m: sizes are at least these
   Iterate now_;
-  double ahead_ = INFINITY;  ///< F from which whole steps may go on
+  double ahead_ = 0;  ///< F from which whole steps may go on: not before some periods are passed
   double work_ = 0;
   std::string why_;
   ShootingSolution solution_;

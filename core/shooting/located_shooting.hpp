@@ -8,9 +8,9 @@
 //
 // where active sets may change from one iteration to the next. E0 + ET D is regular where constraints fix the modes of
 // A that E0 + ET e^{TA} leaves open. Steps are halved until F falls, measured by the sizes of its terms. F is smooth in
-// pieces: where an eighth of a step does not bring it down, some whole steps are taken, through pieces where F is
+// pieces: where a quarter of a step does not bring it down, some whole steps are taken, through pieces where F is
 // larger. With periodic conditions the iteration starts from the end of the second period after rest; where Newton
-// steps do not bring F down, more periods follow.
+// steps do not bring F down, more periods follow, and before these no whole steps across pieces.
 
 #include "../events/event_driven.hpp"
 
