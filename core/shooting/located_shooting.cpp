@@ -58,7 +58,7 @@ class LocatedShooting {
   ShootingSolution run() {
     if (!begin()) return ended();
     for (int periods = 0; !newton(); periods += later_periods) {
-      if (solution_.interrupted || periods == most_periods || !is_periodic(c_)) return ended();
+      if (solution_.interrupted || periods == most_periods || !periodic_) return ended();
       const double before = now_.defect;
       const std::string why = why_;
       ahead_ = INFINITY;
@@ -167,7 +167,7 @@ class LocatedShooting {
     auto it = flow_from(x);
     if (!it) return false;
     take(std::move(*it));
-    return given || !is_periodic(c_) || settle(first_periods);
+    return given || !periodic_ || settle(first_periods);
   }
 
   // Periods from the last iterate on. Where one moves what E0 + ET D leaves open as the one before did, the state
@@ -224,7 +224,7 @@ class LocatedShooting {
         solution_.x0 = nearest_feasible(scene_, now_.x + dx, size_of_states());
         return true;
       }
-      if (k >= slow_steps && now_.defect > before[k - slow_steps] / 2) break;
+      if (periodic_ && k >= slow_steps && now_.defect > before[k - slow_steps] / 2) break;
       before.push_back(now_.defect);
       ++solution_.newton;
       if (!descend(dx)) {
@@ -292,6 +292,7 @@ class LocatedShooting {
 
   Scene scene_;  ///< with initial values
   const BoundaryCondition c_;
+  const bool periodic_ = is_periodic(c_);
   const LcpClass class_;
   const std::vector<double>& breakpoints_;
   const ShootingOptions& options_;
@@ -300,7 +301,7 @@ class LocatedShooting {
   Vector size_;         ///< m: largest values of the last flow
   const Vector least_;  ///< m: sizes are at least these
   Iterate now_;
-  double ahead_ = 0;  ///< F from which whole steps may go on: not before some periods are passed
+  double ahead_ = periodic_ ? 0 : INFINITY;  ///< F from which whole steps may go on: not before some periods are passed
   double work_ = 0;
   std::string why_;
   ShootingSolution solution_;

@@ -2,7 +2,9 @@
 
 #include "core/shooting/divided_shooting.hpp"
 
+#include "core/solve/solve.hpp"
 #include "cpu/cpu_backend.hpp"
+#include "files/scene_file.hpp"
 #include "tests/support/engineering_trial.hpp"
 
 #include <gtest/gtest.h>
@@ -77,6 +79,36 @@ INSTANTIATE_TEST_SUITE_P(Unstable, PeriodicMasses,
                                          Drawn{"creeping", 41}, Drawn{"loaded", 62}, Drawn{"resting", 53},
                                          Drawn{"held", 83}, Drawn{"pressed", 192}, Drawn{"beyond", 118},
                                          Drawn{"across", 154}),
+                         [](const auto& one) { return one.param.name; });
+
+struct Share {
+  const char* name;
+  std::uint32_t seed;
+  double share;
+};
+
+class SharesOfTheEnd : public testing::TestWithParam<Share> {};
+
+// x(0) = share x(T): no period can be passed. The oracle integrates from the x(0) that was found.
+TEST_P(SharesOfTheEnd, AreMet) {
+  using namespace oracle;
+  Options options;
+  options.method = Method::shooting, options.tolerance = 1e-3, options.states = StateSelection::all;
+  const EngineeringScene s = random_masses(GetParam().seed);
+  Scene scene = parse_scene(scene_file(s, true), s.name + ".toml").scene;
+  scene.boundary->ET = -GetParam().share * scene.boundary->E0;
+  const Result r = solve(scene, *make_cpu_backend(1), options);
+  ASSERT_EQ(r.status, Status::solved) << r.reason;
+  const KnownFlow known = known_flow(s, r.x.row(0).transpose(), s.period, 1e-4);
+  ASSERT_TRUE(known.decided) << known.reason;
+  const Vector off = s.weight.cwiseProduct(r.x.row(0).transpose() - GetParam().share * known.flow.end());
+  EXPECT_LE(off.norm(), 1e-3 * s.weight.cwiseProduct(known.flow.end()).norm());
+}
+
+// slow: F falls slowly for more than six steps. Others: whole steps find it.
+INSTANTIATE_TEST_SUITE_P(Chains, SharesOfTheEnd,
+                         testing::Values(Share{"half", 133, 0.5}, Share{"slow", 65, -0.5}, Share{"opposite", 80, -0.5},
+                                         Share{"most", 133, 0.9}),
                          [](const auto& one) { return one.param.name; });
 
 }  // namespace
