@@ -39,7 +39,7 @@ RowMatrix slack(const Scene& scene, const Result& result, Index first, Index cou
   for (Index j = 0; j < count; ++j) {
     const Vector y = result.y.row(first + j).transpose();
     w.row(j) += multiply(scene.M, y).transpose();
-    if (!locates_switches(result) || !scene.g || y.size() == 0) continue;
+    if (!(locates_switches(result) || has_own_steps(result)) || !scene.g || y.size() == 0) continue;
     const Vector here = w.row(j).transpose(), own = g.row(j).transpose();
     if (defect(y, here) > met * own.cwiseAbs().maxCoeff())
       w.row(j) = on_the_side_of_y(sides, t[j], scene.T, own, y, here).transpose();

@@ -4,8 +4,10 @@
 #include "core/adapted/tree_control.hpp"
 #include "core/base/text.hpp"
 #include "core/lcp/lcp_class.hpp"
-#include "core/scene/source_steps.hpp"
+#include "core/result/located.hpp"
+#include "core/result/slack.hpp"
 #include "core/solve/error_goal.hpp"
+#include "core/solve/event_rows.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -65,15 +67,14 @@ bool affords_exact_times(const Scene& scene, Index times) {
   return intervals * levels * size * size * size <= operations;
 }
 
-// Of the rows, with the limits of g from the left.
+// Of rows with a trace: y against w on the side of y.
 double residual_of(const Scene& scene, const Result& r) {
-  const OneSided source(scene.g, scene.g ? scene.constraints() : 0, 64 * epsilon * scene.T);
+  const RowMatrix w = slack(scene, r);
   double worst = 0;
   for (Index j = 1; j <= r.steps; ++j) {
-    Vector seen = scene.dynamics->observe(r.x.row(j).transpose());
-    if (scene.g) seen += source.whole(source.before(r.t[j], r.t[j] - r.t[j - 1]));
-    const Vector y = r.y.row(j).transpose(), w = seen + multiply(scene.M, y);
-    worst = std::max(worst, y.cwiseMin(w).cwiseAbs().maxCoeff() / std::max(1.0, seen.cwiseAbs().maxCoeff()));
+    const Vector y = r.y.row(j).transpose(), here = w.row(j).transpose();
+    const double size = std::max(1.0, (here - multiply(scene.M, y)).cwiseAbs().maxCoeff());
+    worst = std::max(worst, y.cwiseMin(here).cwiseAbs().maxCoeff() / size);
   }
   return worst;
 }
@@ -106,19 +107,18 @@ std::optional<Result> march_to_tolerance(const Scene& scene, const InnerOptions&
   result.euler_steps = 0;
   result.defects = nullptr;
   Result rows = as_result(tree.times(), std::move(solution->rows));
+  solve_at_own_values(scene, known_class(scene.M, scene.lcp_class), rows_at_breakpoints(scene, rows.t), rows.x, rows.t,
+                      rows.y);
+  rows.method = result.method, rows.errors = result.errors;
+  rows.trace = rows.x * scene.dynamics->outputs().transpose();
   result.residual = residual_of(scene, rows);
-  if (options.trace) result.trace = rows.x * scene.dynamics->outputs().transpose();
+  if (options.trace) result.trace = std::move(rows.trace);
   result.x = rows.x(Eigen::all, result.x_components);
   result.t = std::move(rows.t);
   result.steps = rows.steps;
   result.y = std::move(rows.y);
   result.y_integral = std::move(rows.y_integral);
   return result;
-}
-
-bool has_own_steps(const Result& result) {
-  return result.method == Method::march && result.errors && !result.errors->grids.empty() &&
-         result.errors->grids.back() > result.steps;
 }
 
 }  // namespace bromwich

@@ -17,7 +17,4 @@ namespace bromwich {
 std::optional<Result> march_to_tolerance(const Scene&, const InnerOptions&, Index cells, const Result& first,
                                          const Vector& times = {});
 
-/// Whether a result is one of these: its last grid has more steps than rows.
-bool has_own_steps(const Result&);
-
 }  // namespace bromwich

@@ -308,7 +308,8 @@ Result of_polynomials(const Scene& scene, const Result& result, const std::vecto
   return sampled;
 }
 
-// Method march under a tolerance: it is marched once more, with rows at these times. NaN where that fails.
+// Method march under a tolerance: it is marched once more, with rows at these times, which divide its steps further.
+// NaN where that fails.
 void sample_own_steps(const Scene& given, const InnerOptions& reduced, const Result& result, Result& sampled) {
   std::vector<double> rows(sampled.t.begin(), sampled.t.end());
   rows.insert(rows.end(), {0.0, given.T});
@@ -317,10 +318,15 @@ void sample_own_steps(const Scene& given, const InnerOptions& reduced, const Res
   rows.erase(std::unique(rows.begin(), rows.end()), rows.end());
   InnerOptions options = reduced;
   options.tolerance = result.errors->tolerance;
+  options.max_steps = std::max(options.max_steps, 2 * result.errors->grids.back());
   const Scene scene = with_all_breakpoints(given);
   const auto fine = march_to_tolerance(scene, options, result.steps, result,
                                        Eigen::Map<const Vector>(rows.data(), Index(rows.size())));
   sampled.y.setConstant(NAN);
+  if (!fine) {
+    sampled.status = Status::tolerance_not_met;
+    sampled.reason = "the march that gives rows at these times did not meet the tolerance";
+  }
   for (Index k = 0; fine && k < sampled.t.size(); ++k) {
     const Index row = std::lower_bound(rows.begin(), rows.end(), std::min(sampled.t[k], scene.T)) - rows.begin();
     sampled.y.row(k) = fine->y.row(row);

@@ -9,17 +9,23 @@
 
 namespace bromwich {
 
+std::vector<Index> rows_at_breakpoints(const Scene& scene, const Vector& t) {
+  const double apart = 1024 * epsilon * scene.T;
+  std::vector<Index> rows;
+  for (Index j = 1; j < t.size(); ++j) {
+    const auto next = std::lower_bound(scene.breakpoints.begin(), scene.breakpoints.end(), t[j] - apart);
+    if (next != scene.breakpoints.end() && *next <= t[j] + apart) rows.push_back(j);
+  }
+  return rows;
+}
+
 EventRows::EventRows(const Scene& scene, Backend& backend, Index J)
     : p_(discretise(scene, backend, J)),
       resolution_(256 * epsilon * scene.T),
       f_(scene.f, scene.f ? scene.sources() : 0, resolution_),
       g_(scene.g, scene.g ? scene.constraints() : 0, resolution_),
       start_(solve_at_zero(p_, at_zero_)) {
-  for (const double t : scene.breakpoints) {
-    const Index j = Index(std::llround(t / p_.h));
-    if (j >= 1 && j <= J && std::abs(p_.t[j] - t) <= 4 * resolution_) at_breakpoints_.push_back(j);
-  }
-  std::sort(at_breakpoints_.begin(), at_breakpoints_.end());
+  at_breakpoints_ = rows_at_breakpoints(scene, p_.t);
 }
 
 void EventRows::fill(const EventSolution& s, const std::vector<Index>& components, bool trace, Result& r) {
@@ -43,7 +49,7 @@ void EventRows::fill(const EventSolution& s, const std::vector<Index>& component
     r.y.row(j) = s.y(p_.t[j], left).cwiseMax(0).transpose();
     r.y_integral.row(j) = s.integral_of_y(p_.t[j], left).transpose();
   }
-  if (has_one_solution(p_.lcp_class)) solve_at_own_values(r);
+  solve_at_own_values(p_.scene, p_.lcp_class, at_breakpoints_, states_, p_.t, r.y);
   r.x = states_(Eigen::all, components);
   if (jumps) r.x.row(0) = p_.scene.x0(components).transpose();
   r.x_components = components;
@@ -89,15 +95,15 @@ bool EventRows::takes_right(const EventSolution& s, Index j) const {
   return true;
 }
 
-// Where g has a value of its own, so has y.
-void EventRows::solve_at_own_values(Result& r) const {
-  if (at_breakpoints_.empty() || !p_.scene.g) return;
-  ActiveSetLcp lcp(to_dense(p_.scene.M), p_.lcp_class);
-  Vector y;
-  for (const Index j : at_breakpoints_) {
-    if (!states_.row(j).allFinite()) return;
-    const Vector q = p_.small_state()->N * states_.row(j).transpose() + Vector(p_.g.row(j));
-    if (lcp.solve(q, y).solved) r.y.row(j) = y.transpose();
+void solve_at_own_values(const Scene& scene, LcpClass lcp_class, const std::vector<Index>& rows, const RowMatrix& x,
+                         const Vector& t, RowMatrix& y) {
+  if (rows.empty() || !scene.g || !has_one_solution(lcp_class)) return;
+  ActiveSetLcp lcp(to_dense(scene.M), lcp_class);
+  Vector found, g = Vector::Zero(scene.constraints());
+  for (const Index j : rows) {
+    if (!x.row(j).allFinite()) return;
+    scene.g(t[j], g);
+    if (lcp.solve(scene.dynamics->observe(x.row(j).transpose()) + g, found).solved) y.row(j) = found.transpose();
   }
 }
 

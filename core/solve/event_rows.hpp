@@ -9,6 +9,14 @@
 
 namespace bromwich {
 
+/// Rows behind t = 0 whose time is a breakpoint but for rounding.
+std::vector<Index> rows_at_breakpoints(const Scene&, const Vector& t);
+
+/// y at these rows for the value that g has there, where x determines it: M of a class with one solution. `x`: all
+/// states.
+void solve_at_own_values(const Scene&, LcpClass, const std::vector<Index>& rows, const RowMatrix& x, const Vector& t,
+                         RowMatrix& y);
+
 class EventRows {
  public:
   /// The grid of J steps. Scene and backend have to outlive the object.
@@ -29,7 +37,6 @@ class EventRows {
 
  private:
   bool takes_right(const EventSolution&, Index j) const;
-  void solve_at_own_values(Result&) const;
 
   DiscreteProblem p_;
   double resolution_;  ///< of the times of breakpoints

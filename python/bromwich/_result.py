@@ -145,7 +145,8 @@ class Result(Rows):
         """When constraints become active and inactive, in order of time.
 
         Those of method ``events`` are located, and two integrations differ by the errors. Those of other methods are
-        interpolated between the rows, and the errors are those of interpolation.
+        interpolated between the rows, and the errors are those of interpolation, NaN for ``galerkin``:
+        :meth:`switches_with_errors` solves on coarser grids for the error of the grid.
         """
         return [Switch(*s) for s in self._answer.switches(False)]
 

@@ -43,7 +43,7 @@ class Switch(NamedTuple):
     t: float
     component: int  #: of y, from 0
     on: bool  #: y becomes positive
-    error: float  #: estimated, of t
+    error: float  #: estimated, of t; NaN: not known
 
 
 class Rows:

@@ -52,7 +52,12 @@ nb::list in_list(const std::vector<Switch>& found, const std::vector<Index>& fre
 nb::list switches_of(const Answer& answer, bool with_errors) {
   std::vector<Switch> found = [&] {
     const nb::gil_scoped_release unlocked;
-    if (!with_errors) return switches(answer.result);
+    if (!with_errors) {
+      std::vector<Switch> of_rows = switches(answer.result);
+      if (answer.result.y_left.size() > 0)  // by how much the grid moves them is not known
+        for (Switch& s : of_rows) s.error = NAN;
+      return of_rows;
+    }
     const std::lock_guard lock(answer.machine->busy);
     return switches_with_errors(answer.model->scene, *answer.machine->backend, answer.options, answer.result);
   }();

@@ -3,7 +3,7 @@
 
 #include "catalogue/catalogue.hpp"
 #include "core/base/error.hpp"
-#include "core/solve/adapted_march.hpp"
+#include "core/result/located.hpp"
 #include "core/solve/cost.hpp"
 #include "core/solve/error_control.hpp"
 #include "tests/support/run.hpp"

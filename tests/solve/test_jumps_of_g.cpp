@@ -1,6 +1,8 @@
 // Jumps of g, the source of the constraints, in sparse scenes and Kronecker sums: steps are divided there, as in dense
 // scenes. The error of x is that against located events, which share no code with march.
 
+#include "core/result/located.hpp"
+#include "core/result/slack.hpp"
 #include "tests/support/run.hpp"
 #include "tests/support/trust.hpp"
 
@@ -49,6 +51,33 @@ TEST(JumpsOfG, AreResolvedBesideFastStates) {
   for (Index j = 1; j <= r.steps; ++j)
     for (Index i = 0; i < 2; ++i)
       EXPECT_NEAR(r.x(j, i), truth.x(stride * j, i), tolerance * truth.x.col(i).cwiseAbs().maxCoeff()) << r.t[j];
+}
+
+// g jumps at points of the grid: rows of a march under a tolerance have y and w of one side, that of the value of g
+// where x determines y.
+TEST(JumpsOfG, RowsOfATolerancesStepsAreOnOneSide) {
+  for (const double M : {1.0, 0.0})
+    for (const Index others : {0, 600}) {
+      oracle::SourceScene s;
+      s.scene.dynamics = DenseDynamics{Matrix{{-1}}, Matrix{{1}}, Matrix{{1}}};
+      s.scene.M = Matrix{{M}};
+      const auto g = [](double t) { return std::fmod(t, 0.5) < 0.2 ? 1.0 : -1.0; };
+      s.scene.g = [g](double t, Eigen::Ref<Vector> v) { v[0] = g(t); };
+      s.scene.breakpoints = {0.2, 0.5, 0.7, 1, 1.2, 1.5, 1.7};
+      s.scene.x0 = Vector{{0}};
+      s.scene.T = 2;
+      if (others > 0) s.scene = oracle::among_sparse_states(s.scene, others);
+      Options options = for_states(Method::march, 1);
+      options.trace = true;
+      const Result r = run(s.scene, options);
+      ASSERT_EQ(r.status, Status::solved) << r.reason;
+      ASSERT_TRUE(has_own_steps(r));
+      const RowMatrix w = slack(s.scene, r);
+      for (Index j = 1; j <= r.steps; ++j) {
+        EXPECT_LE(std::abs(std::min(r.y(j, 0), w(j, 0))), 1e-9) << M << " " << others << " " << r.t[j];
+        if (M > 0) EXPECT_NEAR(r.y(j, 0), std::max(0.0, -(r.x(j, 0) + g(r.t[j]))), 1e-9) << others << " " << r.t[j];
+      }
+    }
 }
 
 // M = 0.01 and jumps between points of the grid; steps of the march in modes and with sparse matrices are the same.

@@ -1,6 +1,6 @@
 // What the grids of a tolerance share in a Solver, and what it keeps of them.
 
-#include "core/solve/adapted_march.hpp"
+#include "core/result/located.hpp"
 #include "core/solve/solver.hpp"
 
 #include "catalogue/catalogue.hpp"
