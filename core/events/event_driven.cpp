@@ -219,6 +219,7 @@ class EventIntegration {
     const Vector values = legendre(step.valid);
     at_.x = step.x.transpose() * values;
     at_.y = step.y.transpose() * values;
+    at_.zero_y = step.zero_y;
     at_.zero_w = step.zero_w;
     at_.integral += step.length * (step.y.transpose() * legendre_integrals(step.valid));
     at_.t = to;
@@ -283,6 +284,7 @@ class EventIntegration {
     solution_.pieces.push_back(piece);
     at_.x = step.x;
     at_.y = step.y;
+    at_.zero_y.resize(0);
     at_.zero_w.resize(0);
     at_.integral += h * step.y;
     at_.t += h;

@@ -44,9 +44,11 @@ double tail(const LegendreCoefficients& c, const Vector& size, const Vector& off
 }
 
 // Coefficients of Legendre polynomials bound the values.
+Vector largest(const LegendreCoefficients& c) { return c.cwiseAbs().colwise().sum().transpose(); }
+
 Vector larger(const Vector& before, const LegendreCoefficients& c) {
   if (c.size() == 0) return before;
-  return before.cwiseMax(c.cwiseAbs().colwise().sum().transpose());
+  return before.cwiseMax(largest(c));
 }
 
 // d^k/dt^k of polynomials on a step of length h. Within a short step it may be rounding of the values, and is zero
@@ -201,7 +203,9 @@ EventStep EventSteps::attempt(const SwitchedMode& mode, EventPoint& p, double h)
   step.y = step.x * mode.y.x.transpose() + y_of_sources;
   step.w = step.x * system_.N.transpose() + step.y * system_.M.transpose() + step.sources.g;
   const EventSizes& size = step.sizes = p.sizes.with(step);
-  step.defect = std::max(tail(step.x, size.u.x, {}, rounding_of_x(size)), source_defect(size.u, step.sources));
+  set_zeros(mode, p, step);
+  step.defect = std::max({tail(step.x, size.u.x, {}, rounding_of_x(size)), source_defect(size.u, step.sources),
+                          defect_of_signs(mode, step)});
   p.work +=
       double((degree + 1) * (degree + 1) * (6 * m + 3 * n) + 80 * m * m + (degree + 1) * (4 * m * n + 2 * n * n)) +
       overhead;
@@ -221,8 +225,8 @@ bool EventSteps::sources_agree(const SwitchedMode& mode, const JetValues& size, 
 // sign is not known.
 bool EventSteps::y_is_known(const SwitchedMode& mode, const EventStep& step) const {
   const JetValues& size = step.sizes.u;
-  const Vector moved = by_y_within_span_ * (noise() * terms(mode.y, size)), by_f = by_f_within_span_ * size.f,
-               by_y = by_y_within_span_ * larger(Vector::Zero(system_.constraints()), step.y);
+  const Vector moved = by_y_within_span_ * step.zero_y, by_f = by_f_within_span_ * size.f,
+               by_y = by_y_within_span_ * largest(step.y);
   return moved.maxCoeff() <= unseen * size.x.cwiseMax(by_f).cwiseMax(by_y).maxCoeff();
 }
 
@@ -232,8 +236,7 @@ Vector EventSteps::rounding_of_x(const EventSizes& sizes) const {
 
 // Negative values that count as zero are of a solution nearby. Where that is another one, with y_i > 0 and w_i = 0,
 // y_i is about -w_i / M_ii. Without M_ii it would move the state, and its error is that of x.
-Vector EventSteps::doubt(const SwitchedMode& mode, const Vector& of_y, const Vector& of_w,
-                         const EventStep& step) const {
+Vector EventSteps::doubt(const SwitchedMode& mode, const EventStep& step) const {
   const Collocation& c = Collocation::get();
   Vector off = Vector::Zero(system_.constraints());
   std::size_t k = 0;
@@ -243,26 +246,72 @@ Vector EventSteps::doubt(const SwitchedMode& mode, const Vector& of_y, const Vec
     if (!active && !(system_.M(i, i) > 0)) continue;
     const Vector values = c.stages * (active ? step.y : step.w).col(i);
     for (Index j = 0; j < values.size() && c.nodes[j] <= step.valid; ++j) off[i] = std::max(off[i], -values[j]);
-    off[i] = std::max(0.0, off[i] - 64 * epsilon * (active ? of_y[i] : of_w[i])) / (active ? 1 : system_.M(i, i));
+    off[i] = std::max(0.0, off[i] - (active ? step.rounding_y : step.rounding_w)[i]) / (active ? 1 : system_.M(i, i));
   }
   return off;
+}
+
+// Rounding of u on a step: of the values there, of x' in a state that its terms hold at zero, and of the derivatives of
+// sources. What has decayed to eps^2 of its largest value is zero.
+JetValues EventSteps::rounding_of(const EventStep& step) const {
+  static const double steepest = Collocation::get().derivative.cwiseAbs().colwise().sum().maxCoeff();
+  const auto& [f, g, off_f, off_g, unknown_f, unknown_g] = step.sources;
+  const double grown = steepest / step.length;
+  JetValues u;
+  u.x = 64 * epsilon * (largest(step.x) + by_f_within_step_ * largest(f) + by_y_within_step_ * largest(step.y)) +
+        epsilon * epsilon * step.sizes.u.x;
+  u.f = 64 * epsilon * largest(f) + unknown_f;
+  u.g = 64 * epsilon * largest(g) + unknown_g;
+  u.df = grown * (4 * epsilon * largest(f) + unknown_f);
+  u.dg = grown * (4 * epsilon * largest(g) + unknown_g);
+  u.ddg = grown * u.dg;
+  return u;
+}
+
+// What counts as zero of y and w: their rounding, what changes within that of t, and the error of a resolved polynomial
+// beside its own size on the step.
+void EventSteps::set_zeros(const SwitchedMode& mode, const EventPoint& p, EventStep& step) const {
+  const JetValues rounding = rounding_of(step);
+  const double of_t = 4 * epsilon * T_ / step.length;
+  const Vector of_y = terms(mode.y, rounding);
+  step.rounding_y = of_y + of_t * largest_slope(step.y);
+  step.rounding_w =
+      system_.N.cwiseAbs() * rounding.x + system_.M.cwiseAbs() * of_y + rounding.g + of_t * largest_slope(step.w);
+  step.zero_y = step.rounding_y + noise() * largest(step.y);
+  step.zero_w = step.rounding_w + noise() * largest(step.w);
+  // w that the mode holds at zero is zero, and what counted as zero at the end of the step before still does.
+  const Vector of_w = largest(step.w);
+  for (const Index i : mode.active) step.zero_w[i] = std::max(step.zero_w[i], of_w[i]);
+  const LegendreValues at = legendre(0);
+  const auto keep = [&at](Vector& zero, const Vector& before, const LegendreCoefficients& values) {
+    zero = zero.cwiseMax(before.cwiseMin(-(values.transpose() * at)));
+  };
+  if (p.zero_w.size() == 0) return;
+  keep(step.zero_y, p.zero_y + step.rounding_y, step.y);
+  keep(step.zero_w, p.zero_w + step.rounding_w, step.w);
+}
+
+// Last coefficients of y and w beside their own sizes on the step, where their sign may depend on them.
+double EventSteps::defect_of_signs(const SwitchedMode& mode, const EventStep& step) const {
+  const Collocation& c = Collocation::get();
+  double defect = 0;
+  std::size_t k = 0;
+  for (Index i = 0; i < system_.constraints(); ++i) {
+    const bool active = k < mode.active.size() && mode.active[k] == i;
+    if (active) ++k;
+    const LegendreValues of_sign = (active ? step.y : step.w).col(i);
+    const double last = std::abs(of_sign[degree]) + std::abs(of_sign[degree - 1]);
+    const double unknown = last - (active ? step.rounding_y : step.rounding_w)[i];
+    if (!(unknown > 0) || (c.bernstein * of_sign).minCoeff() > 4 * last) continue;
+    defect = std::max(defect, unknown / of_sign.cwiseAbs().sum());
+  }
+  return defect;
 }
 
 // The part of the step on which y and w are nonnegative.
 void EventSteps::find_event(const SwitchedMode& mode, const std::vector<char>* free, EventStep& step) const {
   const Collocation& c = Collocation::get();
-  const EventSizes& sizes = step.sizes;
-  const JetValues& size = sizes.u;
-  const Vector of_y = terms(mode.y, size);
-  const Vector of_w = system_.N.cwiseAbs() * size.x + system_.M.cwiseAbs() * of_y + size.g;
-  // A state that terms of x' hold at zero is rounding of these terms.
-  const Vector rounding = rounding_of_x(sizes), in_y = mode.y.x.cwiseAbs() * rounding,
-               in_w = system_.N.cwiseAbs() * rounding;
-  // Terms of N x and M y that cancel in the mode leave their rounding, not the error of the steps. What changes within
-  // the rounding of t is rounding too.
-  const double of_t = 4 * epsilon * T_ / step.length;
-  step.zero_w = noise() * terms(mode.w, size) + 64 * epsilon * of_w + in_w + of_t * largest_slope(step.w);
-  const Vector zero_y = noise() * of_y + in_y + of_t * largest_slope(step.y);
+  const JetValues& size = step.sizes.u;
   if (!sources_agree(mode, size, step)) {
     step.valid = 0;
     step.event = mode.active.front();
@@ -280,7 +329,7 @@ void EventSteps::find_event(const SwitchedMode& mode, const std::vector<char>* f
     const bool active = k < mode.active.size() && mode.active[k] == i;
     if (active) ++k;
     if (free && (*free)[std::size_t(i)]) continue;
-    const double zero = (active ? zero_y[i] : step.zero_w[i]) + 1e-290;
+    const double zero = (active ? step.zero_y : step.zero_w)[i] + 1e-290;
     const LegendreValues coefficients = (active ? step.y : step.w).col(i);
     const double at = first_below(c.bernstein * coefficients, zero);
     if (at >= step.valid) continue;
@@ -291,7 +340,7 @@ void EventSteps::find_event(const SwitchedMode& mode, const std::vector<char>* f
   }
   if (step.event >= 0) step.at_once = is_never_above(of_event, step.valid, zero_of_event);
   if (step.event >= 0 && step.valid > 0) step.valid = zero_before(of_event, step.valid);
-  step.doubt = doubt(mode, of_y, of_w, step);
+  step.doubt = doubt(mode, step);
 }
 
 // Of one value of f and of g.

@@ -31,20 +31,21 @@ struct EventStep {
   LegendreCoefficients x, y, w;
   EventSources::Polynomials sources;
   LegendreCoefficients df, dg, ddg;
-  EventSizes sizes;  ///< those of the step included
-  Vector doubt;      ///< n: error of y, since values of y and w below zero were counted as zero
-  Vector zero_w;     ///< n: values of w up to these count as zero
+  EventSizes sizes;               ///< those of the step included
+  Vector doubt;                   ///< n: error of y, since values of y and w below zero were counted as zero
+  Vector rounding_y, rounding_w;  ///< n values each
+  Vector zero_y, zero_w;          ///< n: values up to these count as zero
 };
 
 /// Where the integration is.
 struct EventPoint {
   double t = 0;
-  double end = 0;   ///< the next breakpoint, or T
-  double h = 0;     ///< the proposed step
-  Vector x;         ///< m
-  Vector y;         ///< n: the limit from the left
-  Vector zero_w;    ///< n: values of w from the left that count as zero; empty at t = 0
-  Vector integral;  ///< n: of y from 0, impulses included
+  double end = 0;         ///< the next breakpoint, or T
+  double h = 0;           ///< the proposed step
+  Vector x;               ///< m
+  Vector y;               ///< n: the limit from the left
+  Vector zero_y, zero_w;  ///< n: values of y and w from the left that count as zero; empty at t = 0
+  Vector integral;        ///< n: of y from 0, impulses included
   EventSizes sizes;
   double work = 0;  ///< floating-point operations so far, about
 };
@@ -77,7 +78,10 @@ class EventSteps {
   bool sources_agree(const SwitchedMode&, const JetValues& size, const EventStep&) const;
   bool y_is_known(const SwitchedMode&, const EventStep&) const;
   void find_event(const SwitchedMode&, const std::vector<char>* free, EventStep&) const;
-  Vector doubt(const SwitchedMode&, const Vector& of_y, const Vector& of_w, const EventStep&) const;
+  JetValues rounding_of(const EventStep&) const;
+  void set_zeros(const SwitchedMode&, const EventPoint&, EventStep&) const;
+  double defect_of_signs(const SwitchedMode&, const EventStep&) const;
+  Vector doubt(const SwitchedMode&, const EventStep&) const;
   void look_closer(EventPoint&, EventStep&) const;
   double work_of_sources() const;
   double source_defect(const JetValues& size, const EventSources::Polynomials&) const;

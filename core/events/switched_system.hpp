@@ -8,16 +8,16 @@
 
 namespace bromwich {
 
-/// Of a scene with dense dynamics. Entries of M up to the rounding of what y moves in N x within the time h of the
-/// fastest mode, 64 eps h |N| |B| with h = min(T, 1 / |A|), are zero: what a reduction of larger equations leaves of
-/// zeros. M y is rounding of w then, and would decide signs of y all the same.
+/// Of a scene with dense dynamics. Entries of M that move w by less than 1e-12 of N x within the time of the fastest
+/// mode are zero: what a reduction of larger equations leaves of zeros. The finest integration does not see them in w,
+/// and they would decide signs of y all the same.
 inline SystemMatrices switched_system(const Scene& scene) {
   const DenseDynamics& d = *scene.dynamics->small_state();
   SystemMatrices s{d.A, d.B, d.N, to_dense(scene.M), scene.restitution, guards(scene)};
   if (s.states() == 0) return s;
   const double rate = s.A.cwiseAbs().rowwise().sum().maxCoeff(), h = std::min(scene.T, 1 / std::max(rate, 1e-290));
   const Matrix moves = h * (s.N.cwiseAbs() * s.B.cwiseAbs());
-  s.M = (s.M.cwiseAbs().array() > 64 * epsilon * moves.array()).select(s.M, 0.0);
+  s.M = (s.M.cwiseAbs().array() > 1e-12 * moves.array()).select(s.M, 0.0);
   return s;
 }
 

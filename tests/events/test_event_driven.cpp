@@ -244,27 +244,36 @@ TEST(EventDriven, GivesUpWhereAStiffStateHangsOnTheSignOfY) {
     EXPECT_NE(s.reason.find("rounding decides"), std::string::npos) << s.reason;
 }
 
-// M = 1e-12: y = x / 1e-12 is the difference of terms 1e12 times as large, and its sign is not known.
-TEST(EventDriven, GivesUpWhereRoundingDecidesTheSignOfY) {
+// y = (sin t - x) / M is the difference of terms 1/M times as large. Within M it is x' + x where x = sin t.
+Scene follows_a_sine(double M) {
   Scene scene;
   scene.dynamics = DenseDynamics{Matrix{{-1}}, Matrix{{1}}, Matrix{{1}}};
-  scene.M = Matrix{{1e-12}};
+  scene.M = Matrix{{M}};
   scene.g = [](double t, Eigen::Ref<Vector> v) { v[0] = -std::sin(t); };
   scene.x0 = Vector{{0}};
   scene.T = 1;
-  const EventSolution s = integrate_with_events(scene, LcpClass::P, {}, {});
+  return scene;
+}
+
+TEST(EventDriven, GivesUpWhereRoundingDecidesTheSignOfY) {
+  const EventSolution s = integrate_with_events(follows_a_sine(1e-11), LcpClass::P, {}, {});
   EXPECT_FALSE(s.complete);
   EXPECT_NE(s.reason.find("rounding decides"), std::string::npos) << s.reason;
 }
 
+TEST(EventDriven, LargerAndSmallerMLeaveTheSignOfYKnown) {
+  for (const double M : {1e-6, 1e-9, 1e-12, 1e-13}) {
+    const Scene scene = follows_a_sine(M);
+    const EventSolution s = integrate_with_events(scene, LcpClass::P, {}, {});
+    ASSERT_TRUE(s.complete) << M << " " << s.reason;
+    for (const double t : {0.2, 0.7, 1.0}) EXPECT_NEAR(s.x(t, true)[0], std::sin(t), 3 * M + 1e-10) << M;
+    EXPECT_NEAR(s.integral_of_y(1, true)[0], 1 + std::sin(1.0) - std::cos(1.0), 3 * M + 1e-9) << M;
+  }
+}
+
 // M = 1e-17 is rounding of what y moves within T, and zero: y = x' + x where x = sin t.
 TEST(EventDriven, AnMOfRoundingIsZero) {
-  Scene scene;
-  scene.dynamics = DenseDynamics{Matrix{{-1}}, Matrix{{1}}, Matrix{{1}}};
-  scene.M = Matrix{{1e-17}};
-  scene.g = [](double t, Eigen::Ref<Vector> v) { v[0] = -std::sin(t); };
-  scene.x0 = Vector{{0}};
-  scene.T = 1;
+  const Scene scene = follows_a_sine(1e-17);
   const EventSolution s = integrate_with_events(scene, LcpClass::P, {}, {});
   ASSERT_TRUE(s.complete) << s.reason;
   for (const double t : {0.2, 0.7, 1.0}) {
