@@ -61,7 +61,11 @@ Json memories_json(const Scene& scene) {
 
 Json memories_json(const Scene& scene, const Result& result) {
   Json all = memories_json(scene);
-  for (Json& one : all) one["changes"] = Json::array();
+  for (std::size_t k = 0; k < scene.memories.size(); ++k) {
+    all[k]["changes"] = Json::array();
+    const bool known = result.modes.rows() > 0 && result.modes.cols() > Index(k) && result.modes(0, Index(k)) >= 0;
+    if (known) all[k]["start"] = scene.memories[k].modes[std::size_t(result.modes(0, Index(k)))].name;
+  }
   for (const ModeChange& c : result.mode_changes) {
     const Memory& memory = scene.memories[std::size_t(c.memory)];
     all[std::size_t(c.memory)]["changes"].push_back(

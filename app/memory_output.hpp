@@ -15,7 +15,7 @@ std::string memory_line(const Scene&, const Result&);
 
 /// Names, modes, start.
 Json memories_json(const Scene&);
-/// The same, with the changes of a result.
+/// The same with the changes of a result, and the modes that it begins in.
 Json memories_json(const Scene&, const Result&);
 
 }  // namespace bromwich::app
