@@ -216,6 +216,16 @@ def test_files(tmp_path):
     assert pickle.loads(pickle.dumps(scene)).states == 1
 
 
+def test_modes_are_drawn_as_bars():
+    pytest.importorskip("matplotlib").use("Agg")
+    r = solved(room(2.5 * WAY))
+    ax = r.plot("modes")
+    assert [bar.get_x() for bar in ax.patches] == pytest.approx([0, WAY, 2 * WAY], abs=CLOSE)
+    assert [text.get_text() for text in ax.texts] == ["off", "on", "off"]
+    with pytest.raises(bromwich.Error, match="no elements with memory"):
+        bromwich.solve(bromwich.scene("ladder"), steps=10, check=False).plot("modes")
+
+
 @pytest.mark.parametrize("extension", ["csv", "npz", "h5"])
 def test_modes_are_in_files(tmp_path, extension):
     if extension == "h5":
