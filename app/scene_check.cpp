@@ -85,7 +85,9 @@ std::string start_text(const Scene& scene) {
 /// "f and g, 2 breakpoints"
 void look_at_sources(const Scene& scene, Index J, SceneCheck& check) {
   if (!scene.f && !scene.g) {
-    check.sources = "none";
+    check.sources = scene.memories.empty() ? "none" : "those of modes";
+    if (!scene.memories.empty())
+      check.breakpoints = scene.breakpoints_are_all ? scene.breakpoints : find_breakpoints(scene);
     return;
   }
   check.sources = scene.f && scene.g ? "f(t) and g(t)" : scene.f ? "f(t)" : "g(t)";
