@@ -16,7 +16,7 @@
 #include <vector>
 
 namespace bromwich {
-namespace {
+namespace memory_section_test {
 
 constexpr double pi = std::numbers::pi;
 /// Of states: the integrations of a solve to 1e-8 differ by less, and located times are exact to rounding.
@@ -196,7 +196,8 @@ TEST(MemorySection, AThyristor) {
   EXPECT_EQ(at_times(parse_sections(dimmer).scene, *backend, r, {0.019}).x(0, 0), 0);
 }
 
-// A body that is pushed aside, between thrusters: none within 0.5 of the aim, and until the other side of 0.4 once they push.
+// A body that is pushed aside, between thrusters: none within 0.5 of the aim, and until the other side of 0.4 once they
+// push.
 TEST(MemorySection, ADeadband) {
   const Result r = solved(R"toml(
 [dynamics]
@@ -408,5 +409,5 @@ TEST(MemorySection, MistakesAreNamed) {
               "memory[0].start: found 'warm'");
 }
 
-}  // namespace
+}  // namespace memory_section_test
 }  // namespace bromwich
