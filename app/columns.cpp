@@ -14,6 +14,7 @@ namespace bromwich::app {
 namespace {
 
 Index count(const Scene& scene, ColumnKind kind) {
+  if (kind == ColumnKind::mode) return Index(scene.memories.size());
   return kind == ColumnKind::x ? scene.states() : scene.constraints();
 }
 
@@ -25,14 +26,19 @@ std::string name_of(const Scene& scene, ColumnKind kind, Index component) {
       return slack_name(scene, component);
     case ColumnKind::trace:
       return fmt::format("trace{}", component);
+    case ColumnKind::mode:
+      return scene.memories[std::size_t(component)].name;
     case ColumnKind::x:
       break;
   }
   return state_name(scene, component);
 }
 
-const std::vector<std::pair<std::string, ColumnKind>> kinds{
-    {"y", ColumnKind::y}, {"w", ColumnKind::w}, {"trace", ColumnKind::trace}, {"x", ColumnKind::x}};
+const std::vector<std::pair<std::string, ColumnKind>> kinds{{"y", ColumnKind::y},
+                                                            {"w", ColumnKind::w},
+                                                            {"trace", ColumnKind::trace},
+                                                            {"x", ColumnKind::x},
+                                                            {"mode", ColumnKind::mode}};
 
 /// The column with this name, or with this number where no column has it as its name.
 std::optional<Column> find_column(const Scene& scene, const std::string& word) {
@@ -46,7 +52,9 @@ std::optional<Column> find_column(const Scene& scene, const std::string& word) {
 
 std::vector<std::string> known_words(const Scene& scene) {
   std::vector<std::string> words;
-  for (const auto& [word, kind] : kinds) words.push_back(word);
+  for (const auto& [word, kind] : kinds)
+    if (kind != ColumnKind::mode || !scene.memories.empty()) words.push_back(word);
+  for (const Memory& memory : scene.memories) words.push_back(memory.name);
   for (const auto* names : {&scene.names.y, &scene.names.w, &scene.names.x})
     words.insert(words.end(), names->begin(), names->end());
   return words;
@@ -82,6 +90,8 @@ std::vector<Column> default_columns(const Scene& scene, const std::vector<Index>
   for (Index i = 0; i < scene.constraints(); ++i)
     columns.push_back({ColumnKind::y, i, name_of(scene, ColumnKind::y, i)});
   for (const Index i : states) columns.push_back({ColumnKind::x, i, name_of(scene, ColumnKind::x, i)});
+  for (Index k = 0; k < count(scene, ColumnKind::mode); ++k)
+    columns.push_back({ColumnKind::mode, k, name_of(scene, ColumnKind::mode, k)});
   return columns;
 }
 

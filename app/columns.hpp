@@ -9,7 +9,7 @@
 
 namespace bromwich::app {
 
-enum class ColumnKind : char { y, w, trace, x };
+enum class ColumnKind : char { y, w, trace, x, mode };
 
 struct Column {
   ColumnKind kind = ColumnKind::y;
@@ -17,10 +17,10 @@ struct Column {
   std::string name;  ///< y0, w0, trace0, x0, or that of the scene
 };
 
-/// Of --columns: y, w, trace (N x), x (all states) or single columns by name, "y,w0,v". Throws Error for other words.
+/// Of --columns: y, w, trace (N x), x (all states), mode (of all memories) or single columns by name, "y,w0,v". Throws Error for other words.
 std::vector<Column> parse_columns(const std::string& words, const Scene& scene);
 
-/// Without --columns: all y, and the recorded states.
+/// Without --columns: all y, the recorded states, and the modes of memories.
 std::vector<Column> default_columns(const Scene& scene, const std::vector<Index>& states);
 
 /// The components of the state among the columns, each once, increasing.

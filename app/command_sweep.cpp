@@ -65,6 +65,7 @@ class SweepRun {
     choose_times();
     states_ = recorded_components(choice_.scene, options_);
     if (columns_.empty() && measures_.empty()) columns_ = default_columns(choice_.scene, states_);
+    std::erase_if(columns_, [](const Column& c) { return c.kind == ColumnKind::mode; });
     table_.emplace(sweep_, columns_, measures_, states_, arguments.at.empty() ? std::vector<double>() : times_);
   }
 
@@ -118,8 +119,8 @@ class SweepRun {
     std::vector<Column> read = columns_;
     for (const Measure& measure : measures_) read.push_back(measure.column);
     for (const Column& column : read)
-      if (column.kind == ColumnKind::trace)
-        throw Error("--columns", fmt::format("asks for {} with [sweep]", column.name), "leave trace out");
+      if (column.kind == ColumnKind::trace || column.kind == ColumnKind::mode)
+        throw Error("--columns", fmt::format("asks for {} with [sweep]", column.name), "ask for y, w and x");
     if (read.empty() || !arguments_.states.empty())
       parse_states("--states", arguments_.states.empty() ? choice_.states : arguments_.states, choice_.scene, options_);
     const std::vector<Index> wanted = states_of(read);

@@ -294,6 +294,8 @@ double value_of(const Scene& scene, const Result& at, Index j, const Column& c) 
       return at.x(j, c.component);
     case ColumnKind::trace:
       return at.trace(j, c.component);
+    case ColumnKind::mode:
+      return at.modes(j, c.component);
     case ColumnKind::w:
       break;
   }

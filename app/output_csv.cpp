@@ -48,6 +48,7 @@ class Values {
     if (column.kind == ColumnKind::y) return {&result_.y, i};
     if (column.kind == ColumnKind::w) return {&w_, i};
     if (column.kind == ColumnKind::trace) return {&result_.trace, i};
+    if (column.kind == ColumnKind::mode) return {&result_.modes, i};
     const auto& recorded = result_.x_components;
     return {&result_.x, std::find(recorded.begin(), recorded.end(), i) - recorded.begin()};
   }
@@ -93,6 +94,18 @@ std::vector<TimeSeries> energy_series(const Energies& energies) {
     Vector of_step(values->size() + 1);
     of_step << 0, *values;
     all.push_back({name, meaning, std::move(of_step)});
+  }
+  return all;
+}
+
+std::vector<TimeSeries> mode_series(const Scene& scene, const Result& result) {
+  std::vector<TimeSeries> all;
+  for (Index k = 0; k < result.modes.cols(); ++k) {
+    const Memory& memory = scene.memories[std::size_t(k)];
+    std::string meaning = "mode:";
+    for (std::size_t i = 0; i < memory.modes.size(); ++i)
+      meaning += fmt::format("{} {} {}", i > 0 ? "," : "", i, memory.modes[i].name);
+    all.push_back({memory.name, std::move(meaning), result.modes.col(k)});
   }
   return all;
 }

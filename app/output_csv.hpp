@@ -19,6 +19,9 @@ struct Energies {
 /// The columns of --energies.
 std::vector<TimeSeries> energy_series(const Energies&);
 
+/// The modes of memories.
+std::vector<TimeSeries> mode_series(const Scene&, const Result&);
+
 /// Header `t,` and the names of the columns, and one row per time. Numbers are the shortest decimals that round to the
 /// same doubles, `nan` for missing values. With `energies`, the columns energy, supplied_power and dissipated_power at
 /// the time, and supplied, dissipated and violation over the step that ends there. `sampled` has the rows: those of

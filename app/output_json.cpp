@@ -1,6 +1,7 @@
 #include "app/output_json.hpp"
 
 #include "app/goal_arguments.hpp"
+#include "app/memory_output.hpp"
 #include "app/scene_facts.hpp"
 #include "core/result/estimated_quantity.hpp"
 
@@ -125,6 +126,7 @@ Json to_json(const SceneChoice& choice, const Result& result, int threads, const
   json["boundary_residual"] = nullable(result.boundary_residual);
   json["multipliers"] = Json::array();
   for (const Complex& z : result.multipliers) json["multipliers"].push_back({z.real(), z.imag()});
+  if (!choice.scene.memories.empty()) json["memories"] = memories_json(choice.scene, result);
   json["warning"] = result.warning;
   json["magnification"] = result.magnification;
   json["algebraic_error"] = nullable(result.algebraic_error);

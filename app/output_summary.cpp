@@ -1,5 +1,6 @@
 #include "app/output_summary.hpp"
 
+#include "app/memory_output.hpp"
 #include "app/scene_facts.hpp"
 #include "app/text.hpp"
 #include "core/goal/goal.hpp"
@@ -131,6 +132,7 @@ std::string summary(const SceneChoice& choice, const Result& result, int threads
     line("quantity", goal_line(*result.goal));
     line("energy", energy_line(result.goal->balance));
   }
+  if (!choice.scene.memories.empty()) line("modes", memory_line(choice.scene, result));
   if (choice.scene.constraints() > 0) line("y at T", last_line(result));
   line("time", time_line(result.seconds));
   line("  of solve", split_line(result.seconds));

@@ -46,6 +46,8 @@ Vector column_of(const SolutionChange& d, const Vector& t, const Scene& scene, c
         return d.w(row, c.component);
       case ColumnKind::x:
         return d.x(row, c.component);
+      case ColumnKind::mode:
+        return 0.0;
       case ColumnKind::trace:
         break;
     }

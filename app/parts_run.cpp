@@ -283,6 +283,7 @@ void prepare_parts(const std::string& argument, const Scene& scene, Options& opt
   if (controls_error(options))
     refuse("a tolerance looks at the whole run and solves it on several grids", "give --steps instead of --tol");
   if (scene.boundary) refuse("a scene with boundary values is no run from the start to the end", "leave it out");
+  if (!scene.memories.empty()) refuse("a checkpoint has no modes of memories", "leave it out");
   if (options.method == Method::automatic && ranks().size() == 1) options.method = Method::march;
   const std::initializer_list<Method> in_parts{Method::march, Method::euler, Method::contour, Method::multigrid};
   if (std::find(in_parts.begin(), in_parts.end(), options.method) == in_parts.end())

@@ -187,7 +187,7 @@ void ResultOutput::write(const Result& sampled, const Result& result, const std:
   if (result.status != Status::solved) {
     while (rows > 0 && !any_finite(sampled.y, rows - 1) && !any_finite(sampled.x, rows - 1)) --rows;
   }
-  std::vector<TimeSeries> series = energies ? energy_series(*energies) : std::vector<TimeSeries>{};
+  std::vector<TimeSeries> series = energies ? energy_series(*energies) : mode_series(scene_, sampled);
   for (TimeSeries& one : series) one.values.conservativeResize(rows);
   if (grows()) {
     append(scene_, sampled, sampled.t.head(rows), 0, rows - 1);

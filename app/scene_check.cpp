@@ -2,6 +2,7 @@
 
 #include "app/circuit_check.hpp"
 #include "app/mechanism_check.hpp"
+#include "app/memory_output.hpp"
 #include "app/nonlinear_solve.hpp"
 #include "app/scene_facts.hpp"
 #include "app/text.hpp"
@@ -84,7 +85,9 @@ std::string start_text(const Scene& scene) {
 /// "f and g, 2 breakpoints"
 void look_at_sources(const Scene& scene, Index J, SceneCheck& check) {
   if (!scene.f && !scene.g) {
-    check.sources = "none";
+    check.sources = scene.memories.empty() ? "none" : "those of modes";
+    if (!scene.memories.empty())
+      check.breakpoints = scene.breakpoints_are_all ? scene.breakpoints : find_breakpoints(scene);
     return;
   }
   check.sources = scene.f && scene.g ? "f(t) and g(t)" : scene.f ? "f(t)" : "g(t)";
@@ -104,7 +107,8 @@ void look_at_sources(const Scene& scene, Index J, SceneCheck& check) {
 /// Methods by the rules of core/solve/engines.cpp, with a refusal where none applies.
 std::vector<Method> methods_of(const Scene& given, const Scene& scene, const BackendTraits& traits,
                                const Options& options, Index J, std::string& refusal) {
-  if (const bool bounces = (given.restitution.array() > 0).any(); bounces || !given.resets.empty()) {
+  if (const bool bounces = (given.restitution.array() > 0).any();
+      bounces || !given.resets.empty() || !given.memories.empty()) {
     const Method only = given.boundary ? Method::shooting : Method::events;
     if (options.method != Method::automatic && options.method != only)
       refusal = fmt::format("{}: method {} takes them", bounces ? "impacts with restitution" : "modes with memory",
@@ -257,6 +261,8 @@ std::string check_text(const SceneChoice& choice, const SceneCheck& check) {
     for (const auto& [label, fact] : circuit_facts(*choice.circuit)) line(label, fact);
   if (choice.mechanism)
     for (const auto& [label, fact] : mechanism_facts(*choice.mechanism)) line(label, fact);
+  const char* of_memory = "memory";
+  for (const std::string& fact : memory_facts(choice.scene)) line(std::exchange(of_memory, ""), fact);
   line("sources", check.breakpoints.empty() ? check.sources
                                             : fmt::format("{}, {} at t = {}{}", check.sources,
                                                           counted(check.breakpoints.size(), "breakpoint"), breaks,
@@ -299,6 +305,7 @@ Json check_json(const SceneChoice& choice, const SceneCheck& check) {
     json["reduction"] = circuit_json(*choice.circuit);
   }
   if (choice.mechanism) json["mechanism"] = mechanism_json(*choice.mechanism);
+  if (!choice.scene.memories.empty()) json["memories"] = memories_json(choice.scene);
   json["sources"] = check.sources;
   json["breakpoints"] = check.breakpoints;
   json["methods"] = Json::array();

@@ -263,7 +263,7 @@ Circuit make_circuit(const Netlist& netlist, const std::string& file) {
     s.boundary = BoundaryCondition{Matrix::Identity(m, m), -Matrix::Identity(m, m), Vector::Zero(m)};
   else
     s.x0 = r.A.rows() > 0 ? start(netlist, r, at_start, file, c.notes) : Vector::Zero(1);
-  for (const Memory& memory : r.memories) {
+  for (const circuits::Memory& memory : r.memories) {
     s.resets.push_back({memory.set, memory.state, 1});
     s.resets.push_back({memory.reset, memory.state, 0});
   }

@@ -27,7 +27,7 @@ constexpr double share_of_largest = 1e-8;
 
 SwitchedTape::SwitchedTape(const Scene& scene, const EventSolution& s, const Vector& times, bool along_some)
     : m_(scene.states()), n_(scene.constraints()), T_(scene.T), t_(times), along_some_(along_some) {
-  system_ = switched_system(scene);
+  system_ = switched_system(scene, guards(scene));
   add_pieces(scene, s);
   find_sizes(s);
   add_parts(s, scene.breakpoints);

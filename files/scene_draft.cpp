@@ -5,6 +5,7 @@
 #include "core/scene/port_hamiltonian.hpp"
 #include "core/scene/relay.hpp"
 #include "files/include.hpp"
+#include "files/memory_section.hpp"
 #include "files/names.hpp"
 #include "files/nonlinear_file.hpp"
 #include "files/nonlinear_section.hpp"
@@ -408,6 +409,10 @@ Draft draft_scene(const Sections& s, const ParameterValues& settings) {
   in_the_file(where, [&] { scene.validate(); });
   add_exact(s.exact, scene);
   add_labels(s, scene);
+  if (s.memories.empty()) return draft;
+  add_memories(s, draft);
+  add_breakpoints(s, draft);
+  draft.sources = next_number();
   return draft;
 }
 

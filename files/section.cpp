@@ -250,6 +250,19 @@ std::vector<std::string> Section::texts(const std::string& key, Index size) cons
   return found;
 }
 
+std::vector<std::string> Section::one_or_more_texts(const std::string& key) const {
+  constexpr const char* remedy = "give a text in quotes, or a list of them";
+  if (const std::string* one = single_text(key)) return {*one};
+  std::vector<std::string> found;
+  for (const toml::node& entry : require_list(key, remedy)) {
+    const auto* text = entry.as_string();
+    if (!text) throw Error(where(entry, key), "found " + kind(entry), remedy);
+    found.push_back(text->get());
+  }
+  if (found.empty()) throw Error(where(key), "is empty", remedy);
+  return found;
+}
+
 std::vector<double> Section::partly_known(const std::string& key) const {
   std::vector<double> values;
   if (!has(key)) return values;

@@ -85,6 +85,18 @@ class Section {
                                 const std::string& own) const;
   /// The text of an expression of t.
   std::string expression(const std::string& key) const;
+  /// One text or a list of them.
+  std::vector<std::string> one_or_more_texts(const std::string& key) const;
+
+  /// The keys of the section, in the order of the file.
+  std::vector<std::string> keys() const;
+  /// What follows the last point of the name of the section.
+  std::string last_name() const { return name_.substr(name_.rfind('.') + 1); }
+  /// A table by key, with these keys.
+  Section table(const std::string& key, const std::vector<std::string>& keys) const;
+  /// The tables of a list, or those of a table in the order of the file.
+  std::vector<Section> tables(const std::string& key, const std::vector<std::string>& keys) const;
+  const Expressions& expressions_of_file() const { return document_->expressions; }
 
  private:
   const toml::node* find(const std::string& key) const;

@@ -48,7 +48,7 @@ const std::vector<SectionKeys>& scene_file_keys() {
       {"",
        {"name",  "description", "include",  "parameters", "definitions", "dynamics",  "kronecker", "complementarity",
         "relay", "port",        "boundary", "free",       "time",        "names",     "units",     "output",
-        "exact", "reference",   "quantity", "sweep",      "nonlinear",   "structure", "contact"}},
+        "exact", "reference",   "quantity", "sweep",      "nonlinear",   "structure", "contact",   "memory"}},
       {"parameters", {}},
       {"definitions", {}},
       {"dynamics", {"A", "B", "E", "f", "F", "x0"}},
@@ -70,25 +70,24 @@ const std::vector<SectionKeys>& scene_file_keys() {
       {"sweep", {}},
       {"nonlinear", {"phi", "gamma", "of"}},
       {"structure", {"M", "C", "K", "f", "q0", "v0", "periodic", "names", "B"}},
-      {"contact",
-       {"name", "normal", "tangent", "gap", "velocity", "mu", "restitution", "kn", "kt", "bound", "facets"}}};
+      {"contact", {"name", "normal", "tangent", "gap", "velocity", "mu", "restitution", "kn", "kt", "bound", "facets"}},
+      {"memory", {"name", "start", "modes"}}};
   return keys;
 }
 
 Sections read_sections(const Document& document, const toml::table& root) {
-  const auto section = [&](const std::string& name) {
+  const auto keys = [](const std::string& name) -> const std::vector<std::string>& {
     const auto& all = scene_file_keys();
-    const auto known = std::find_if(all.begin(), all.end(), [&](const SectionKeys& s) { return s.name == name; });
-    const toml::table* table = name.empty() ? &root : find_table(document, root, name);
-    return Section(document, table, name, known->keys.empty() ? keys_of(table) : known->keys);
+    return std::find_if(all.begin(), all.end(), [&](const SectionKeys& s) { return s.name == name; })->keys;
   };
-  const auto contacts = [&] {
+  const auto section = [&](const std::string& name) {
+    const toml::table* table = name.empty() ? &root : find_table(document, root, name);
+    return Section(document, table, name, keys(name).empty() ? keys_of(table) : keys(name));
+  };
+  const auto each = [&](const std::string& name) {
     std::vector<Section> all;
-    const auto& known = scene_file_keys();
-    const auto keys =
-        std::find_if(known.begin(), known.end(), [](const SectionKeys& s) { return s.name == "contact"; });
-    for (const toml::table* table : find_tables(document, root, "contact"))
-      all.emplace_back(document, table, fmt::format("contact[{}]", all.size()), keys->keys);
+    for (const toml::table* table : find_tables(document, root, name))
+      all.emplace_back(document, table, fmt::format("{}[{}]", name, all.size()), keys(name));
     return all;
   };
   return {section(""),          section("parameters"), section("definitions"),
@@ -97,7 +96,8 @@ Sections read_sections(const Document& document, const toml::table& root) {
           section("free"),      section("time"),       section("names"),
           section("units"),     section("output"),     section("exact"),
           section("reference"), section("quantity"),   section("sweep"),
-          section("nonlinear"), section("structure"),  contacts()};
+          section("nonlinear"), section("structure"),  each("contact"),
+          each("memory")};
 }
 
 void read_parameters(Document& document, const Section& section, const ParameterValues& settings,

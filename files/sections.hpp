@@ -17,6 +17,7 @@ struct Sections {
   Section top, parameters, definitions, dynamics, kronecker, complementarity, relay, port, boundary, free, time, names,
       units, output, exact, reference, quantity, sweep, nonlinear, structure;
   std::vector<Section> contacts;  ///< of [[contact]]
+  std::vector<Section> memories;  ///< of [[memory]]
 };
 
 /// Throws Error for an unknown section or key.

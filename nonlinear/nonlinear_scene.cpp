@@ -55,6 +55,7 @@ void NonlinearScene::validate() const {
   if (linear.restitution.size() > 0)
     throw Error("restitution", "is given to a nonlinear scene", "leave it out: its impacts are inelastic");
   if (!linear.resets.empty()) throw Error("resets", "are given to a nonlinear scene", "leave them out");
+  if (!linear.memories.empty()) throw Error("memories", "are given to a nonlinear scene", "leave them out");
   if (!linear.free_rows.empty()) throw Error("free_rows", "the linear part has free rows", "eliminate them");
   if (linear.constraints() == 0)
     throw Error("dynamics", "the linear part has no constraints", "add one that is never active");

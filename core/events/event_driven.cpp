@@ -2,10 +2,7 @@
 
 #include "core/base/interruption.hpp"
 #include "core/base/text.hpp"
-#include "core/events/event_step.hpp"
-#include "core/events/short_steps.hpp"
-#include "core/events/successor.hpp"
-#include "core/events/switched_system.hpp"
+#include "core/events/regime_steps.hpp"
 #include "core/kernel/start_rounding.hpp"
 #include "core/scene/scene.hpp"
 
@@ -34,40 +31,31 @@ class EventIntegration {
  public:
   EventIntegration(const Scene& scene, LcpClass lcp_class, const std::vector<double>& breakpoints,
                    const EventOptions& o)
-      : breakpoints_(breakpoints),
+      : scene_(scene),
+        breakpoints_(breakpoints),
         options_(o),
-        class_(lcp_class),
         T_(scene.T),
         longest_(o.longest_step > 0 ? o.longest_step : T_ / 64),
-        system_(switched_system(scene)),
-        m_(system_.states()),
-        n_(system_.constraints()),
-        sources_(scene, o.looks),
-        resets_(scene.resets),
-        short_steps_(system_, sources_, T_),
-        steps_(system_, sources_, T_, longest_span(), o.tolerance, longest_),
-        successor_(system_, sources_, short_steps_, steps_, T_) {
+        m_(scene.states()),
+        n_(scene.constraints()),
+        regimes_(scene, lcp_class, {longest_span(), o.tolerance, longest_}, o.looks),
+        regime_(&regimes_.of(scene.x0)) {
     const Vector of_x = Vector::Zero(m_), of_y = Vector::Zero(n_);
     at_.sizes.u = {of_x, of_x, of_x, of_y, of_y, of_y};
     at_.h = longest_;
     at_.x = scene.x0;
-    at_.sizes.u.f = sources_.f(0).cwiseAbs();
+    for (std::size_t k = 0; k < scene.memories.size(); ++k) at_.x[scene.memories[k].state] = double(regime_->modes[k]);
+    at_.sizes.u.f = regime_->sources.f(0).cwiseAbs();
     // Of a component that another solve has left as rounding x0 says nothing.
-    at_.sizes.include_x(terms_of_motion(system_.A, Matrix::Identity(m_, m_), at_.x, at_.sizes.u.f, of_x, longest_));
+    at_.sizes.include_x(
+        terms_of_motion(regime_->system.A, Matrix::Identity(m_, m_), at_.x, at_.sizes.u.f, of_x, longest_));
     put_on_constraints();
     at_.y = at_.integral = at_.sizes.y = solution_.doubt = of_y;
   }
 
   EventSolution run() {
-    const bool unique = short_steps_.unique(class_);
     expect_motion();
-    enumerates_ = !unique && n_ <= Successor::most_enumerated;
-    solution_.unique = unique || enumerates_;
-    // A least element that is no solution of least norm is not selected by trying.
-    if (!unique && selects_least(class_) && !is_PSD(LcpMatrix(system_.M))) {
-      solution_.reason = "the complementarity problem of a short step is not of class P";
-      return std::move(solution_);
-    }
+    if (!note_regime()) return std::move(solution_);
     std::vector<double> ends;
     for (const double t : breakpoints_)
       if (t > 0 && t < T_) ends.push_back(t);
@@ -86,26 +74,35 @@ class EventIntegration {
     return std::max(longest, T_ - begin);
   }
 
+  // False where no solution of the regime is selected.
+  bool note_regime() {
+    solution_.unique = solution_.unique && (regime_->unique || regime_->enumerates);
+    if (!regime_->open) return true;
+    solution_.reason = "the complementarity problem of a short step is not of class P";
+    return false;
+  }
+
   // The sizes of a state that y has not moved yet: those that y of a first step gives it. An x0 that is small beside
   // them counts as zero, as it would later.
   void expect_motion() {
-    const ShortSteps::Step first = short_steps_.take(0, longest_, at_.x, Vector::Zero(n_));
-    if (first.solved && first.y.allFinite()) at_.sizes.include_x(steps_.moved_within_step(first.y.cwiseAbs()));
+    const ShortSteps::Step first = regime_->short_steps.take(0, longest_, at_.x, Vector::Zero(n_));
+    if (first.solved && first.y.allFinite()) at_.sizes.include_x(regime_->steps.moved_within_step(first.y.cwiseAbs()));
   }
 
   // Constraints on the state alone that x0 meets but for rounding: the smallest change of x0 that meets them, each
   // component relative to its size.
   void put_on_constraints() {
+    const SystemMatrices& system = regime_->system;
     Vector g = Vector::Zero(n_);
-    for (int k = 0; k <= 8; ++k) g = g.cwiseMax(sources_.g(T_ * k / 8).cwiseAbs());
-    const Vector w = system_.N * at_.x + sources_.g(0), f = sources_.f(0);
-    const Vector terms = terms_of_motion(system_.A, system_.N, at_.x, f, g, T_);
+    for (int k = 0; k <= 8; ++k) g = g.cwiseMax(regime_->sources.g(T_ * k / 8).cwiseAbs());
+    const Vector w = system.N * at_.x + regime_->sources.g(0), f = regime_->sources.f(0);
+    const Vector terms = terms_of_motion(system.A, system.N, at_.x, f, g, T_);
     std::vector<Index> rows;
     for (Index i = 0; i < n_; ++i)
-      if (std::abs(w[i]) <= rounding_of_restarts * terms[i] && system_.M.row(i).isZero(0)) rows.push_back(i);
+      if (std::abs(w[i]) <= rounding_of_restarts * terms[i] && system.M.row(i).isZero(0)) rows.push_back(i);
     if (rows.empty()) return;
-    const Vector size = terms_of_motion(system_.A, Matrix::Identity(m_, m_), at_.x, f, Vector::Zero(m_), T_);
-    const Matrix N = system_.N(rows, Eigen::all) * size.asDiagonal();
+    const Vector size = terms_of_motion(system.A, Matrix::Identity(m_, m_), at_.x, f, Vector::Zero(m_), T_);
+    const Matrix N = system.N(rows, Eigen::all) * size.asDiagonal();
     at_.x -= size.cwiseProduct(Eigen::CompleteOrthogonalDecomposition<Matrix>(N).solve(Vector(w(rows))));
   }
 
@@ -144,9 +141,11 @@ class EventIntegration {
     for (int k = 0; next.mode && do_resets(*next.mode, here, reset); ++k) {
       if (k == most_resets_at_once) return give_up("modes with memory change without end");
       at_ = here;
-      next = choose(next.mode->active, false);
+      regime_ = &regimes_.of(at_.x);
+      if (!note_regime()) return false;
+      next = choose(pairs_of(next.mode->active), false);
     }
-    if (!next.unique && enumerates_)
+    if (!next.unique && regime_->enumerates)
       return give_up("the solution is not unique: two active sets continue it differently",
                      EventEnd::several_solutions);
     if (!next.mode) return pass_unknown();
@@ -163,31 +162,49 @@ class EventIntegration {
   }
 
   Successor::Choice choose(const std::optional<std::vector<Index>>& likely, bool y_is_known) {
+    Successor& successor = regime_->successor;
     const EventPoint here = at_;
     Successor::Choice next =
-        enumerates_ ? successor_.choose_among_all(at_) : successor_.choose(at_, y_is_known, likely);
-    if (!next.mode && !enumerates_ && n_ <= Successor::most_enumerated) {
+        regime_->enumerates ? successor.choose_among_all(at_) : successor.choose(at_, y_is_known, likely);
+    if (!next.mode && !regime_->enumerates && n_ <= Successor::most_enumerated) {
       at_ = here;
-      next = successor_.choose_among_all(at_);
+      next = successor.choose_among_all(at_);
     }
-    if (!next.mode && !enumerates_) {
+    if (!next.mode && !regime_->enumerates) {
       at_ = here;
-      next = successor_.choose_brief(at_);
+      next = successor.choose_brief(at_);
     }
     return next;
+  }
+
+  // An active set without the guards, which other modes of memories do not have.
+  std::vector<Index> pairs_of(std::vector<Index> active) const {
+    if (!regime_->modes.empty()) std::erase_if(active, [this](Index i) { return i >= regime_->system.pairs(); });
+    return active;
   }
 
   // Those whose guard the mode finds below 0. False: none changes the state.
   bool do_resets(const SwitchedMode& mode, EventPoint& p, std::vector<Index>& done) const {
     constexpr double same = 1e-6;
     bool any = false;
-    for (const Reset& r : resets_) {
-      if (!std::binary_search(mode.active.begin(), mode.active.end(), r.guard)) continue;
-      double& x = p.x[r.state];
-      if (std::abs(x - r.value) <= same * std::max(std::abs(x), std::abs(r.value))) continue;
-      x = r.value;
-      done.push_back(r.state);
+    const auto set = [&](Index state, double value) {
+      double& x = p.x[state];
+      if (std::abs(x - value) <= same * std::max(std::abs(x), std::abs(value))) return;
+      x = value;
+      done.push_back(state);
       any = true;
+    };
+    const auto holds = [&](Index guard) { return std::binary_search(mode.active.begin(), mode.active.end(), guard); };
+    for (const Reset& r : scene_.resets)
+      if (holds(r.guard)) set(r.state, r.value);
+    for (std::size_t k = 0; k < scene_.memories.size(); ++k) {
+      const Memory& memory = scene_.memories[k];
+      for (const Memory::Leave& leave : memory.modes[std::size_t(regime_->modes[k])].leave) {
+        if (!std::all_of(leave.when.begin(), leave.when.end(), [&](const auto& c) { return holds(c.guard); })) continue;
+        set(memory.state, double(mode_named(memory, leave.to)));
+        for (const Memory::Jump& jump : leave.set) set(jump.state, jump.value);
+        break;
+      }
     }
     return any;
   }
@@ -211,6 +228,7 @@ class EventIntegration {
     const double end = step.valid >= 1 ? at_.t + step.length : at_.t + step.valid * step.length;
     const double to = at_.end - end < 4 * epsilon * T_ ? at_.end : end;
     solution_.pieces.push_back({at_.t, step.length, to, step.x, step.y, at_.integral, mode_->active});
+    solution_.pieces.back().modes = regime_->modes;
     if (step.valid < 1) solution_.pieces.back().event = step.event;
     stored_ += std::size_t((s + 1) * (m_ + n_));
     at_.sizes.include(step);
@@ -258,13 +276,14 @@ class EventIntegration {
   bool pass_unknown() {
     const Vector before = at_.x;
     const double h = 10 * options_.tolerance * T_ * std::pow(10.0, unknown_);
-    const bool passed = !enumerates_ && at_.t > 0 && ++unknown_ <= most_unknown && h <= longest_unknown * T_ && pass(h);
+    const bool passed =
+        !regime_->enumerates && at_.t > 0 && ++unknown_ <= most_unknown && h <= longest_unknown * T_ && pass(h);
     const auto moves_little = [&] {
       const Vector size = at_.sizes.u.x.cwiseMax(before.cwiseAbs());
       return (at_.x - before).cwiseAbs().maxCoeff() <= moved_unknown * size.maxCoeff();
     };
     if (!passed || !moves_little())
-      return give_up(steps_.sign_is_lost() ? lost_sign : "no active set was found that continues the solution");
+      return give_up(regime_->steps.sign_is_lost() ? lost_sign : "no active set was found that continues the solution");
     return continue_with({}, false);
   }
   static constexpr int most_unknown = 5;
@@ -274,13 +293,14 @@ class EventIntegration {
   // A short step of implicit Euler.
   bool pass(double longest) {
     const double h = std::min(longest, 0.5 * (at_.end - at_.t));
-    const ShortSteps::Step step = short_steps_.take(at_.t, h, at_.x, Vector::Zero(n_));
+    const ShortSteps::Step step = regime_->short_steps.take(at_.t, h, at_.x, Vector::Zero(n_));
     if (!step.solved) return false;
     EventPiece piece{at_.t, h, at_.t + h, Matrix::Zero(s + 1, m_), Matrix::Zero(s + 1, n_), at_.integral};
     piece.x.row(0) = (at_.x + step.x).transpose() / 2;
     piece.x.row(1) = (step.x - at_.x).transpose() / 2;
     piece.y.row(0) = step.y.transpose();
     piece.passed = true;
+    piece.modes = regime_->modes;
     solution_.pieces.push_back(piece);
     at_.x = step.x;
     at_.y = step.y;
@@ -310,14 +330,14 @@ class EventIntegration {
     double idle_since = at_.t;
     while (at_.t < at_.end) {
       if (!may_go_on()) return false;
-      if (pending_event_ < 0 && enumerates_) {
+      if (pending_event_ < 0 && regime_->enumerates) {
         if (!continue_with({}, true)) return false;
         continue;
       }
       if (pending_event_ < 0) {
         EventStep step;
-        if (!steps_.resolve(*mode_, at_, step))
-          return give_up(steps_.sign_is_lost() ? lost_sign : "a step could not be resolved");
+        if (!regime_->steps.resolve(*mode_, at_, step))
+          return give_up(regime_->steps.sign_is_lost() ? lost_sign : "a step could not be resolved");
         if (step.valid > 0) accept(step);
         if (step.valid >= 1) continue;
         pending_event_ = solution_.pieces.back().event = step.event;
@@ -335,21 +355,16 @@ class EventIntegration {
     return true;
   }
 
+  const Scene& scene_;
   const std::vector<double>& breakpoints_;
   const EventOptions& options_;
-  const LcpClass class_;
   const double T_, longest_;
-  const SystemMatrices system_;
   const Index m_, n_;
-  const EventSources sources_;
-  const std::vector<Reset>& resets_;
-  ShortSteps short_steps_;
-  EventSteps steps_;
-  Successor successor_;
+  RegimesOfScene regimes_;
+  RegimeSteps* regime_;
   EventPoint at_;
   const SwitchedMode* mode_ = nullptr;
   std::map<const SwitchedMode*, const SwitchedMode*> followers_;  ///< at the last breakpoint behind each mode
-  bool enumerates_ = false;                                       ///< tries all active sets
   Index pending_event_ = -1;                                      ///< the component that ended the last step
   int unknown_ = 0;                                               ///< short steps since an active set was known
   std::size_t stored_ = 0;

@@ -4,6 +4,7 @@
 #include "../scene/scene.hpp"
 #include "collocation.hpp"
 
+#include <map>
 #include <memory>
 #include <vector>
 
@@ -16,6 +17,8 @@ struct SourceLooks {
 
   std::vector<char> known;  ///< of each time; empty: none
   RowMatrix f, g;           ///< count x m and count x n
+  /// Of the scene in modes of its memories.
+  std::map<std::vector<Index>, std::shared_ptr<SourceLooks>> in_modes = {};
 };
 
 class EventSources {

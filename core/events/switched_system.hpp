@@ -8,12 +8,12 @@
 
 namespace bromwich {
 
-/// Of a scene with dense dynamics. Entries of M that move w by less than 1e-12 of N x within the time of the fastest
-/// mode are zero: what a reduction of larger equations leaves of zeros. The finest integration does not see them in w,
-/// and they would decide signs of y all the same.
-inline SystemMatrices switched_system(const Scene& scene) {
+/// Of a scene with dense dynamics, and its guards(). Entries of M that move w by less than 1e-12 of N x within the time
+/// of the fastest mode are zero: what a reduction of larger equations leaves of zeros. The finest integration does not
+/// see them in w, and they would decide signs of y all the same.
+inline SystemMatrices switched_system(const Scene& scene, Index guards) {
   const DenseDynamics& d = *scene.dynamics->small_state();
-  SystemMatrices s{d.A, d.B, d.N, to_dense(scene.M), scene.restitution, guards(scene)};
+  SystemMatrices s{d.A, d.B, d.N, to_dense(scene.M), scene.restitution, guards};
   if (s.states() == 0) return s;
   const double rate = s.A.cwiseAbs().rowwise().sum().maxCoeff(), h = std::min(scene.T, 1 / std::max(rate, 1e-290));
   const Matrix moves = h * (s.N.cwiseAbs() * s.B.cwiseAbs());

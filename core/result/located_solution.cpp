@@ -49,6 +49,15 @@ Vector LocatedSolution::integral_of_y(double t, bool left) const {
   return p.integral + p.length * (p.y.transpose() * legendre_integrals(place_in(p, t)));
 }
 
+std::vector<ModeChange> mode_changes(const LocatedSolution& s) {
+  std::vector<ModeChange> found;
+  for (std::size_t p = 1; p < s.pieces.size(); ++p)
+    for (std::size_t k = 0; k < s.pieces[p].modes.size(); ++k)
+      if (const Index from = s.pieces[p - 1].modes[k], to = s.pieces[p].modes[k]; from != to)
+        found.push_back({s.pieces[p].begin, Index(k), from, to});
+  return found;
+}
+
 std::vector<Switch> switches_of(const LocatedSolution& s, double negligible) {
   const std::vector<EventPiece>& pieces = s.pieces;
   if (pieces.empty()) return {};

@@ -24,6 +24,7 @@ struct EventPiece {
   std::vector<Index> active = {};           ///< the active set
   std::vector<EventImpulse> impulses = {};  ///< at the begin, in their order
   std::vector<Index> resets = {};           ///< states that have jumped to their values at the begin, before impulses
+  std::vector<Index> modes = {};            ///< one of each memory of the scene
   /// The component whose y_i (i active) or w_i vanishes at the end and would become negative; -1: none does.
   Index event = -1;
   bool passed = false;  ///< accumulated events, passed by a step of implicit Euler
@@ -41,6 +42,9 @@ struct LocatedSolution {
   Vector y(double t, bool left) const;
   Vector integral_of_y(double t, bool left) const;
 };
+
+/// The times between pieces at which a memory changes its mode.
+std::vector<ModeChange> mode_changes(const LocatedSolution&);
 
 /// The times between pieces at which a component becomes positive or ceases to be. y_i is on where it is positive in a
 /// piece, above `negligible` times its largest value. The error is that of rounding; accumulated events are passed in

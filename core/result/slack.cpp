@@ -1,6 +1,7 @@
 #include "core/result/slack.hpp"
 
 #include "core/result/located.hpp"
+#include "core/scene/memory_rows.hpp"
 #include "core/scene/source_steps.hpp"
 
 namespace bromwich {
@@ -28,21 +29,19 @@ Vector on_the_side_of_y(const OneSided& g, double t, double T, const Vector& own
 RowMatrix slack(const Scene& scene, const Result& result, Index first, Index count) {
   constexpr double met = 1e-12;
   const Vector t = result.t.segment(first, count);
-  RowMatrix g = RowMatrix::Zero(count, scene.constraints());
-  for (Index j = 0; j < count && scene.g; ++j) {  // polls nothing: a result that is there is kept
-    Vector value = g.row(j).transpose();
-    scene.g(t[j], value);
-    g.row(j) = value.transpose();
-  }
-  RowMatrix w = g + result.trace.middleRows(first, count);
-  const OneSided sides(scene.g, scene.constraints(), 256 * epsilon * scene.T);
-  for (Index j = 0; j < count; ++j) {
+  RowMatrix w = result.trace.middleRows(first, count);
+  ScenesInModes scenes(scene);
+  for (Index j = 0; j < count; ++j) {  // polls nothing: a result that is there is kept
+    const Scene& now = scenes.at_row(result.modes, first + j);
     const Vector y = result.y.row(first + j).transpose();
-    w.row(j) += multiply(scene.M, y).transpose();
-    if (!(locates_switches(result) || has_own_steps(result)) || !scene.g || y.size() == 0) continue;
-    const Vector here = w.row(j).transpose(), own = g.row(j).transpose();
-    if (defect(y, here) > met * own.cwiseAbs().maxCoeff())
-      w.row(j) = on_the_side_of_y(sides, t[j], scene.T, own, y, here).transpose();
+    Vector g = Vector::Zero(w.cols());
+    if (now.g) now.g(t[j], g);
+    w.row(j) += (g + multiply(now.M, y)).transpose();
+    if (!(locates_switches(result) || has_own_steps(result)) || !now.g || y.size() == 0) continue;
+    const Vector here = w.row(j).transpose();
+    if (defect(y, here) <= met * g.cwiseAbs().maxCoeff()) continue;
+    const OneSided sides(now.g, w.cols(), 256 * epsilon * scene.T);
+    w.row(j) = on_the_side_of_y(sides, t[j], scene.T, g, y, here).transpose();
   }
   return w;
 }

@@ -1,10 +1,10 @@
 #include "core/scene/breakpoints.hpp"
 
 #include "core/base/interruption.hpp"
+#include "core/scene/memory.hpp"
 #include "core/scene/source_steps.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <utility>
 
@@ -188,15 +188,12 @@ class Search {
 std::vector<double> find_breakpoints(const Scene& scene) {
   std::vector<double> all = scene.breakpoints;
   const bool kinks = scene.dynamics->small_state() && scene.states() + scene.constraints() <= largest_with_kinks;
-  const std::array<std::pair<const TimeFunction*, Index>, 2> sources{
-      {{&scene.f, scene.sources()}, {&scene.g, scene.constraints()}}};
-  for (const auto& [function, width] : sources) {
-    if (!*function || OneSided(*function, width, 0).width() > most_values / fewest_times)
-      continue;  // too many to look at
-    if (width == 0) continue;
-    for (const double t : Search(*function, width, scene.T, kinks).run())
+  for_each_source(scene, [&](const TimeFunction& function, Index width) {
+    if (!function || OneSided(function, width, 0).width() > most_values / fewest_times) return;  // too many to look at
+    if (width == 0) return;
+    for (const double t : Search(function, width, scene.T, kinks).run())
       if (t > 0 && t < scene.T) all.push_back(t);
-  }
+  });
   std::sort(all.begin(), all.end());
   // One that is named and found stays as it was named.
   std::vector<double> different;
@@ -211,7 +208,7 @@ std::vector<double> find_breakpoints(const Scene& scene) {
 }
 
 Scene with_all_breakpoints(Scene scene) {
-  if (scene.breakpoints_are_all || (!scene.f && !scene.g)) return scene;
+  if (scene.breakpoints_are_all || (!scene.f && !scene.g && scene.memories.empty())) return scene;
   scene.breakpoints = find_breakpoints(scene);
   scene.breakpoints_are_all = true;
   return scene;

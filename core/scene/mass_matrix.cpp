@@ -37,6 +37,17 @@ Scene without(const DenseDynamics& d, Scene scene) {
   };
   take_from_sources(scene, [&](const SparseMatrix& F) { return SparseMatrix(solve(Matrix(F)).sparseView(0, 0)); });
   scene.dynamics = DenseDynamics{solve(d.A), solve(d.B), d.N};
+  for (Memory& memory : scene.memories)
+    for (Memory::Mode& mode : memory.modes) {
+      if (mode.A.size() > 0) mode.A = solve(mode.A);
+      if (mode.B.size() > 0) mode.B = solve(mode.B);
+      if (mode.f)
+        mode.f = [f = mode.f, inverse = solve(Matrix::Identity(d.E.rows(), d.E.rows()))](double t,
+                                                                                         Eigen::Ref<Vector> value) {
+          f(t, value);
+          value = (inverse * value).eval();
+        };
+    }
   return scene;
 }
 

@@ -194,6 +194,24 @@ void add_matrices(const SparseDynamics& d, const SparseMatrix& M, const Vector& 
   for_entries(M, [&](Index i, Index j, double a) { sizes.add(a, 1, sizes.y(j), sizes.w(i)); });
 }
 
+// What modes with memory add to the scene, and where they set a state.
+void add_modes(const Scene& scene, const Vector& rate, Sizes& sizes) {
+  const Index m = scene.states(), n = scene.constraints();
+  const auto sparse = [](const Matrix& a, Index rows, Index columns) {
+    return a.size() > 0 ? SparseMatrix(a.sparseView(0, 0)) : SparseMatrix(rows, columns);
+  };
+  for (const Memory& memory : scene.memories)
+    for (const Memory::Mode& mode : memory.modes) {
+      add_matrices({sparse(mode.A, m, m), sparse(mode.B, m, n), sparse(mode.N, n, m)}, sparse(mode.M, n, n), rate,
+                   sizes);
+      const Vector f = largest_values(mode.f, m, scene), g = largest_values(mode.g, n, scene);
+      for (Index i = 0; i < m; ++i) sizes.add(f[i], rate[i], -1, sizes.x(i));
+      for (Index i = 0; i < n; ++i) sizes.add(g[i], 1, -1, sizes.w(i));
+      for (const Memory::Leave& leave : mode.leave)
+        for (const Memory::Jump& jump : leave.set) sizes.add(std::abs(jump.value), 1, -1, sizes.x(jump.state));
+    }
+}
+
 // `terms`: number of entries of the matrices. Above the limit, or if the iteration fails: common sizes.
 NaturalSizes sizes_of(const SparseDynamics& d, const SparseMatrix& M, const Scene& scene, double terms) {
   const Index m = scene.states(), n = scene.constraints();
@@ -202,6 +220,7 @@ NaturalSizes sizes_of(const SparseDynamics& d, const SparseMatrix& M, const Scen
   add_matrices(d, M, rate, sizes);
   for (Index i = 0; i < m; ++i) sizes.add(x0[i], 1, -1, sizes.x(i));
   for (const Reset& r : scene.resets) sizes.add(std::abs(r.value), 1, -1, sizes.x(r.state));
+  add_modes(scene, rate, sizes);
   for (Index i = 0; i < n; ++i) sizes.add(g[i], 1, -1, sizes.w(i));
   add_f(d, scene, rate, sizes);
   const Vector u = sizes.solve();

@@ -2,6 +2,7 @@
 
 #include "core/base/require.hpp"
 #include "core/lcp/lcp_class.hpp"
+#include "core/scene/memory.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -125,7 +126,7 @@ Scene part_of(const Scene& scene, double t, double length, const Vector& x) {
   part.boundary.reset();
   part.x0 = x;
   part.T = length;
-  for (auto source : {&Scene::f, &Scene::g}) part.*source = from(t, scene.*source);
+  change_each_source(part, [t](const TimeFunction& source) { return from(t, source); });
   part.breakpoints.clear();
   for (const double b : scene.breakpoints)
     if (b - t > 0 && b - t < length) part.breakpoints.push_back(b - t);
@@ -144,6 +145,11 @@ namespace {
 Index first_guard(const Scene& scene) {
   Index first = scene.constraints();
   for (const Reset& r : scene.resets) first = std::min(first, r.guard);
+  for (const Memory& memory : scene.memories)
+    for (const Memory::Mode& mode : memory.modes)
+      for (const Memory::Leave& leave : mode.leave)
+        for (const Memory::Condition& c : leave.when)
+          if (c.guard >= 0) first = std::min(first, c.guard);
   return first;
 }
 
@@ -186,6 +192,7 @@ void Scene::validate() const {
   validate_free_rows(free_rows, n);
   validate_restitution(*this);
   validate_resets(*this);
+  validate_memories(*this);
   require_positive("T", T);
   if (default_steps < 0) throw Error("default_steps", "is " + std::to_string(default_steps), "give 1 or more");
   if (!(default_tolerance >= 0 && default_tolerance < 1))

@@ -2,6 +2,7 @@
 
 #include "core/events/event_sources.hpp"
 #include "core/lcp/active_set.hpp"
+#include "core/scene/memory_rows.hpp"
 #include "core/shooting/flow_derivative.hpp"
 #include "core/shooting/shooting_matrix.hpp"
 
@@ -33,8 +34,9 @@ struct Part {
   static Scene shifted(const Scene& whole, double begin, double end) {
     Scene part = whole;
     part.T = end - begin;
-    for (TimeFunction* source : {&part.f, &part.g})
-      if (*source) *source = [all = *source, begin](double t, Eigen::Ref<Vector> value) { all(t + begin, value); };
+    change_each_source(part, [begin](const TimeFunction& all) -> TimeFunction {
+      return [all, begin](double t, Eigen::Ref<Vector> value) { all(t + begin, value); };
+    });
     return part;
   }
   static std::vector<double> inside(const std::vector<double>& all, double begin, double end) {
@@ -148,7 +150,8 @@ Vector shoot_in_parts(const Scene& scene, const BoundaryCondition& c, LcpClass l
 }
 
 // z = x + size^2 N^T p, p an LCP.
-Vector nearest_feasible(const Scene& scene, const Vector& x, const Vector& size) {
+Vector nearest_feasible(const Scene& all, const Vector& x, const Vector& size) {
+  const Scene scene = all.memories.empty() ? all : in_modes(all, modes_at(all, x));
   const Matrix M = to_dense(scene.M), &N = scene.dynamics->small_state()->N;
   const Vector g = EventSources(scene).g(0);
   std::vector<Index> rows;

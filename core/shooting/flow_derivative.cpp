@@ -22,27 +22,34 @@ Vector rate_at(const EventPiece& p, double at) {
 
 }  // namespace
 
-FlowDerivative::FlowDerivative(const Scene& scene) : system_(switched_system(scene)), sources_(scene), T_(scene.T) {}
+FlowDerivative::FlowDerivative(const Scene& scene) : scene_(scene) {}
 
-const SwitchedMode* FlowDerivative::mode_of(const std::vector<Index>& active) {
-  auto known = modes_.find(active);
-  if (known == modes_.end()) known = modes_.emplace(active, make_switched_mode(system_, active)).first;
+FlowDerivative::System& FlowDerivative::system_of(const EventPiece& p) {
+  const auto known = systems_.find(p.modes);
+  return known != systems_.end() ? known->second : systems_.try_emplace(p.modes, scene_, p.modes).first->second;
+}
+
+const SwitchedMode* FlowDerivative::mode_of(const EventPiece& p, const std::vector<Index>& active) {
+  System& system = system_of(p);
+  auto known = system.sets.find(active);
+  if (known == system.sets.end())
+    known = system.sets.emplace(active, make_switched_mode(system.regime.system, active)).first;
   return known->second ? &*known->second : nullptr;
 }
 
 const Matrix& FlowDerivative::propagator(const SwitchedMode* mode, double length) {
-  const auto key = std::make_pair(mode, std::llround(std::ldexp(length / T_, 48)));
+  const auto key = std::make_pair(mode, std::llround(std::ldexp(length / scene_.T, 48)));
   if (const auto known = propagators_.find(key); known != propagators_.end()) return known->second;
   if (propagators_.size() >= most_propagators) propagators_.clear();
   return propagators_.emplace(key, matrix_phi(length * mode->A).exponential).first->second;
 }
 
 Matrix FlowDerivative::at_end(const EventSolution& s) {
-  return carried(s, Matrix::Identity(system_.states(), system_.states()), nullptr);
+  return carried(s, Matrix::Identity(scene_.states(), scene_.states()), nullptr);
 }
 
 FlowChange FlowDerivative::along(const EventSolution& s, const Vector& dx0) {
-  FlowChange most{dx0.cwiseAbs(), Vector::Zero(system_.constraints())};
+  FlowChange most{dx0.cwiseAbs(), Vector::Zero(scene_.constraints())};
   carried(s, dx0, &most);
   return most;
 }
@@ -53,12 +60,14 @@ Matrix FlowDerivative::carried(const EventSolution& s, Matrix dx, FlowChange* mo
     most->x = most->x.cwiseMax(dx.col(0).cwiseAbs());
     most->y = most->y.cwiseMax((mode.y.x * dx.col(0)).cwiseAbs());
   };
+  for (const Memory& memory : scene_.memories) dx.row(memory.state).setZero();
   const EventPiece* before = nullptr;
   for (const EventPiece& p : s.pieces) {
-    const SwitchedMode* mode = p.passed ? nullptr : mode_of(p.active);
+    const SwitchedMode* mode = p.passed ? nullptr : mode_of(p, p.active);
     if (mode) {
       pass(before, p, dx);
-      project(*mode, dx);
+      if (mode->constraints.x.rows() > 0)
+        dx += system_of(p).regime.system.B * (mode->impulse * (mode->constraints.x * dx));
       note(*mode);
       dx = propagator(mode, p.end - p.begin) * dx;
       note(*mode);
@@ -85,15 +94,16 @@ void FlowDerivative::pass(const EventPiece* before, const EventPiece& after, Mat
 // Of the switch that ends the piece: dt for each column. Where the component only touches zero it has none.
 Eigen::RowVectorXd FlowDerivative::moved_times(const EventPiece& before, const Matrix& dx) {
   constexpr double grazing = 1e-12;
-  const SwitchedMode& mode = *mode_of(before.active);
+  const SwitchedMode& mode = *mode_of(before, before.active);
+  const Regime& regime = system_of(before).regime;
   const Index i = before.event;
   const bool active = std::binary_search(before.active.begin(), before.active.end(), i);
   Eigen::RowVectorXd row = mode.y.x.row(i);
   Vector c = before.y.col(i);
   if (!active) {
-    row = system_.N.row(i) + system_.M.row(i) * mode.y.x;
-    c = before.x * system_.N.row(i).transpose() + before.y * system_.M.row(i).transpose() +
-        sources_.sample(before.begin, before.length).g.col(i);
+    row = regime.system.N.row(i) + regime.system.M.row(i) * mode.y.x;
+    c = before.x * regime.system.N.row(i).transpose() + before.y * regime.system.M.row(i).transpose() +
+        regime.sources.sample(before.begin, before.length).g.col(i);
   }
   const Vector slopes = Collocation::get().derivative * c;
   const double slope = legendre(end_of(before)).dot(slopes);
@@ -102,9 +112,9 @@ Eigen::RowVectorXd FlowDerivative::moved_times(const EventPiece& before, const M
 }
 
 // f and g with their derivatives at a place of a piece; x is that of the piece.
-JetValues FlowDerivative::values_at(const EventPiece& p, double at) const {
+JetValues FlowDerivative::values_at(const EventPiece& p, double at) {
   const Collocation& c = Collocation::get();
-  const EventSources::Polynomials given = sources_.sample(p.begin, p.length);
+  const EventSources::Polynomials given = system_of(p).regime.sources.sample(p.begin, p.length);
   const Vector e0 = legendre(at), e1 = c.derivative.transpose() * e0 / p.length,
                e2 = c.derivative.transpose() * e1 / p.length;
   return {p.x.transpose() * e0,     given.f.transpose() * e0, given.f.transpose() * e1,
@@ -122,24 +132,21 @@ void FlowDerivative::jump(const EventPiece* before, const EventPiece& after, con
     rates->x.setZero();
     rates->f = rates->df, rates->g = rates->dg, rates->dg = rates->ddg;
   }
-  for (const EventImpulse& impulse : after.impulses) u.x -= system_.B * impulse.p;
+  const SystemMatrices& system = system_of(after).regime.system;
+  for (const EventImpulse& impulse : after.impulses) u.x -= system.B * impulse.p;
   for (const EventImpulse& impulse : after.impulses) {
-    u.x += system_.B * impulse.p;
-    const SwitchedMode* mode = mode_of(impulse.active);
+    u.x += system.B * impulse.p;
+    const SwitchedMode* mode = mode_of(after, impulse.active);
     if (!mode) continue;
-    const Vector rate = system_.A * u.x + system_.B * evaluate(mode->y, u) + u.f;
+    const Vector rate = system.A * u.x + system.B * evaluate(mode->y, u) + u.f;
     Matrix off = mode->constraints.x * (dx - rate * dt);
     if (impulse.e.size() > 0) {
-      const Jet back = rebound(system_, *mode, impulse.e);
+      const Jet back = rebound(system, *mode, impulse.e);
       off += back.x * dx;
       if (rates) off += evaluate(back, *rates) * dt;
     }
-    dx += system_.B * (mode->impulse * off);
+    dx += system.B * (mode->impulse * off);
   }
-}
-
-void FlowDerivative::project(const SwitchedMode& mode, Matrix& dx) const {
-  if (mode.constraints.x.rows() > 0) dx += system_.B * (mode.impulse * (mode.constraints.x * dx));
 }
 
 }  // namespace bromwich

@@ -8,15 +8,16 @@
 //     dx+ = dx- + (x'- - x'+) dt,
 //
 // with the derivative of x+ = x- + B p where the state jumps (Aizerman & Gantmacher 1958); with restitution p depends
-// on the velocity before the impact, and on the forces then. Breakpoints of f and g do not move. Accumulated events,
-// passed by one short step, count as no change: the constraints of the set after them hold.
+// on the velocity before the impact, and on the forces then. States that are set have the change 0, and so have the
+// numbers of the modes of memories, whatever they were at t = 0. Breakpoints of f and g do not move. Accumulated
+// events, passed by one short step, count as no change: the constraints of the set after them hold.
 //
 // derivatives/switched_tape.hpp has the same equations for changes of all data, and refuses what is differentiable
 // from one side only. Here such a point has a derivative of one side: a Newton iteration takes any.
 
 #include "../events/event_driven.hpp"
-#include "../events/event_sources.hpp"
 #include "../events/mode.hpp"
+#include "../events/regime.hpp"
 
 #include <map>
 #include <optional>
@@ -41,19 +42,24 @@ class FlowDerivative {
   FlowChange along(const EventSolution&, const Vector& dx0);
 
  private:
-  const SwitchedMode* mode_of(const std::vector<Index>& active);
+  /// The scene in the modes of a piece, with its active sets.
+  struct System {
+    Regime regime;
+    std::map<std::vector<Index>, std::optional<SwitchedMode>> sets = {};
+
+    System(const Scene& scene, const std::vector<Index>& modes) : regime(scene, modes) {}
+  };
+  System& system_of(const EventPiece&);
+  const SwitchedMode* mode_of(const EventPiece&, const std::vector<Index>& active);
   const Matrix& propagator(const SwitchedMode*, double length);
   Matrix carried(const EventSolution&, Matrix dx, FlowChange* most);
   void pass(const EventPiece* before, const EventPiece& after, Matrix& dx);
   Eigen::RowVectorXd moved_times(const EventPiece& before, const Matrix& dx);
-  JetValues values_at(const EventPiece&, double at) const;
+  JetValues values_at(const EventPiece&, double at);
   void jump(const EventPiece* before, const EventPiece& after, const Eigen::RowVectorXd& dt, Matrix& dx);
-  void project(const SwitchedMode&, Matrix& dx) const;
 
-  const SystemMatrices system_;
-  const EventSources sources_;
-  const double T_;
-  std::map<std::vector<Index>, std::optional<SwitchedMode>> modes_;
+  const Scene& scene_;
+  std::map<std::vector<Index>, System> systems_;  ///< by the modes of the memories
   std::map<std::pair<const SwitchedMode*, long long>, Matrix> propagators_;
 };
 

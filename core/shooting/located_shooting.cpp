@@ -4,6 +4,7 @@
 #include "core/events/collocation.hpp"
 #include "core/events/event_sources.hpp"
 #include "core/kernel/start_rounding.hpp"
+#include "core/scene/memory.hpp"
 #include "core/shooting/divided_shooting.hpp"
 #include "core/shooting/flow_derivative.hpp"
 #include "core/shooting/shooting_matrix.hpp"
@@ -160,10 +161,16 @@ class LocatedShooting {
     solution_.history.push_back(now_.defect);
   }
 
+  void start_in_modes(Vector& x) const {
+    const std::vector<Index> modes = modes_at_start(scene_);
+    for (std::size_t k = 0; k < modes.size(); ++k) x[scene_.memories[k].state] = double(modes[k]);
+  }
+
   bool begin() {
     Vector x = options_.start;
     const bool given = x.size() > 0;
     if (!given) x = c_.E0.completeOrthogonalDecomposition().solve(c_.b);
+    if (!given) start_in_modes(x);
     auto it = flow_from(x);
     if (!it) return false;
     take(std::move(*it));

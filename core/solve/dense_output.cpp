@@ -10,6 +10,7 @@
 #include "core/result/located.hpp"
 #include "core/result/located_solution.hpp"
 #include "core/scene/breakpoints.hpp"
+#include "core/scene/memory_rows.hpp"
 #include "core/solve/adapted_march.hpp"
 #include "core/solve/given_steps.hpp"
 #include "core/solve/mixed.hpp"
@@ -298,12 +299,17 @@ void sample_intervals(const Scene& given, Backend& backend, const Result& result
 Result of_polynomials(const Scene& scene, const Result& result, const std::vector<double>& times) {
   const LocatedSolution* located = result.located.get();
   Result sampled = rows_at(times, result);
+  sampled.modes = RowMatrix::Constant(sampled.t.size(), result.modes.cols(), -1);
+  ScenesInModes scenes(scene);
   for (std::size_t k = 0; k < times.size(); ++k) {
     if (!located || located->pieces.empty() || times[k] > located->until * (1 + 4 * epsilon)) continue;
     const Vector x = located->x(times[k], true);
+    const std::vector<Index>& modes = located->piece(times[k], true).modes;
+    for (Index i = 0; i < sampled.modes.cols(); ++i) sampled.modes(Index(k), i) = double(modes[std::size_t(i)]);
     sampled.y.row(Index(k)) = located->y(times[k], true).cwiseMax(0).transpose();
     sampled.x.row(Index(k)) = x(result.x_components).transpose();
-    if (sampled.trace.cols() > 0) sampled.trace.row(Index(k)) = observe(scene.dynamics, x).transpose();
+    if (sampled.trace.cols() > 0)
+      sampled.trace.row(Index(k)) = observe(scenes.at_row(sampled.modes, Index(k)).dynamics, x).transpose();
   }
   return sampled;
 }
@@ -396,6 +402,7 @@ void keep_rows(const Result& result, double T, Result& sampled) {
     sampled.y.row(k) = result.y.row(row);
     if (result.x.rows() > row) sampled.x.row(k) = result.x.row(row);
     if (result.trace.rows() > row) sampled.trace.row(k) = result.trace.row(row);
+    if (result.modes.rows() > row) sampled.modes.row(k) = result.modes.row(row);
   }
 }
 

@@ -37,8 +37,9 @@ bool ends(const Result& r) { return r.status == Status::solved || r.status == St
 
 // Impacts with restitution are located: steps would take them as without.
 bool bounces(const Scene& scene) { return (scene.restitution.array() > 0).any(); }
-// So are resets.
-bool is_located(const Scene& scene) { return bounces(scene) || !scene.resets.empty(); }
+// So are modes with memory.
+bool remembers(const Scene& scene) { return !scene.resets.empty() || !scene.memories.empty(); }
+bool is_located(const Scene& scene) { return bounces(scene) || remembers(scene); }
 
 // Where it does not succeed from rest, it starts from method galerkin.
 Result by_shooting(const Scene& scene, Backend& backend, const InnerOptions& options) {
@@ -63,7 +64,7 @@ Result for_goal(const Scene& scene, Backend& backend, const InnerOptions& option
 constexpr const char* of_impacts =
     "impacts with restitution are taken by located events alone; use method events, or shooting for boundary values";
 
-constexpr const char* of_resets = "modes with memory are taken by located events alone; use method events";
+constexpr const char* of_memory = "modes with memory are taken by located events alone; use method events";
 
 std::string not_shooting(const Scene& scene) {
   const std::string why = unsuited_to_shooting(scene);
@@ -78,7 +79,7 @@ std::string not_events(const Scene& scene) {
 
 std::string not_impacts(const Scene& scene) {
   if (bounces(scene)) return of_impacts;
-  return scene.resets.empty() ? "" : of_resets;
+  return remembers(scene) ? of_memory : "";
 }
 
 std::string not_on_steps(const Scene& scene) {

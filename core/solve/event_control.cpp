@@ -240,7 +240,8 @@ class EventControl {
   void describe(const EventSolution& s, Result& r) const {
     r.method = Method::events;
     r.backend = backend_.name();
-    r.starts_with_impulse = rows_->start() == Start::impulse;
+    r.starts_with_impulse =
+        rows_->start() == Start::impulse || (!scene_.memories.empty() && s.jump_at_start.size() > 0);
     r.kernel = text("event-driven: Radau IIA with 7 stages, %zu steps, %ld events", s.pieces.size(), long(s.events));
     if (s.jumps > 0) r.kernel += text(", %ld jumps of the state", long(s.jumps));
     if (s.accumulations > 0) r.kernel += text(", %ld accumulations of events passed", long(s.accumulations));

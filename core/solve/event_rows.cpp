@@ -3,6 +3,7 @@
 #include "core/kernel/discretise.hpp"
 #include "core/lcp/active_set.hpp"
 #include "core/result/slack.hpp"
+#include "core/scene/memory_rows.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -24,18 +25,18 @@ EventRows::EventRows(const Scene& scene, Backend& backend, Index J)
       resolution_(256 * epsilon * scene.T),
       f_(scene.f, scene.f ? scene.sources() : 0, resolution_),
       g_(scene.g, scene.g ? scene.constraints() : 0, resolution_),
-      start_(solve_at_zero(p_, at_zero_)) {
-  at_breakpoints_ = rows_at_breakpoints(scene, p_.t);
-}
+      start_(scene.memories.empty() ? solve_at_zero(p_, at_zero_) : Start::found),
+      at_breakpoints_(rows_at_breakpoints(scene, p_.t)) {}
 
 void EventRows::fill(const EventSolution& s, const std::vector<Index>& components, bool trace, Result& r) {
   const Index n = p_.scene.constraints(), J = p_.J;
   r.y = r.y_integral = RowMatrix::Constant(J + 1, n, NAN);
   states_ = RowMatrix::Constant(J + 1, p_.scene.states(), NAN);
-  r.y.row(0) = at_zero_.y.row(0);
+  const bool remembers = !p_.scene.memories.empty();  // modes that are left at once do not count
+  if (!remembers) r.y.row(0) = at_zero_.y.row(0);
   r.y_integral.row(0).setZero();
   states_.row(0) = p_.scene.x0.transpose();
-  const bool jumps = start_ == Start::impulse && !s.pieces.empty();
+  const bool jumps = (start_ == Start::impulse || remembers) && !s.pieces.empty();
   if (jumps) {
     r.y.row(0) = s.y(0, false).cwiseMax(0).transpose();
     states_.row(0) = s.x(0, false).transpose();
@@ -49,19 +50,38 @@ void EventRows::fill(const EventSolution& s, const std::vector<Index>& component
     r.y.row(j) = s.y(p_.t[j], left).cwiseMax(0).transpose();
     r.y_integral.row(j) = s.integral_of_y(p_.t[j], left).transpose();
   }
-  solve_at_own_values(p_.scene, p_.lcp_class, at_breakpoints_, states_, p_.t, r.y);
+  if (!remembers) solve_at_own_values(p_.scene, p_.lcp_class, at_breakpoints_, states_, p_.t, r.y);
+  r.modes = modes_of_rows();
+  r.mode_changes = mode_changes(s);
   r.x = states_(Eigen::all, components);
   if (jumps) r.x.row(0) = p_.scene.x0(components).transpose();
   r.x_components = components;
   r.t = p_.t;
   r.steps = J;
   r.continuous = s.continuous;
-  if (trace) r.trace = states_ * p_.small_state()->N.transpose();
+  if (trace) r.trace = trace_of(r);
+}
+
+RowMatrix EventRows::modes_of_rows() const {
+  RowMatrix modes(states_.rows(), Index(p_.scene.memories.size()));
+  for (Index k = 0; k < modes.cols(); ++k) {
+    const Index state = p_.scene.memories[std::size_t(k)].state;
+    modes.col(k) = states_.col(state).unaryExpr([](double x) { return std::isfinite(x) ? std::round(x) : -1.0; });
+  }
+  return modes;
+}
+
+RowMatrix EventRows::trace_of(const Result& r) const {
+  RowMatrix trace(states_.rows(), p_.scene.constraints());
+  ScenesInModes scenes(p_.scene);
+  for (Index j = 0; j < trace.rows(); ++j)
+    trace.row(j) = observe(scenes.at_row(r.modes, j).dynamics, states_.row(j).transpose()).transpose();
+  return trace;
 }
 
 double EventRows::residual(Result r) const {
   r.method = Method::events;
-  r.trace = states_ * p_.small_state()->N.transpose();
+  r.trace = trace_of(r);
   // g on the side of each row.
   RowMatrix g_of_rows = slack(p_.scene, r) - r.trace;
   for (Index j = 0; j <= p_.J; ++j) g_of_rows.row(j) -= multiply(p_.scene.M, r.y.row(j).transpose()).transpose();
@@ -75,7 +95,8 @@ double EventRows::residual(Result r) const {
 }
 
 OtherSolution EventRows::other(const Result& r, bool at_corners) const {
-  return has_one_solution(p_.lcp_class) ? OtherSolution{} : other_solution(p_, r, states_, at_corners);
+  return has_one_solution(p_.lcp_class) || !p_.scene.memories.empty() ? OtherSolution{}
+                                                                      : other_solution(p_, r, states_, at_corners);
 }
 
 // At a breakpoint: whether g, or f where g does not jump, has its value from the right there.

@@ -25,7 +25,7 @@ class EventRows {
   /// y, its integral, x, the trace if wanted, t and steps of `result`. Where y or x jump at a point of the grid: the
   /// limit from the left, but at breakpoints before T the side that g is on, or f where g does not jump. Row 0 is y_0
   /// and x0; where the state jumps at t = 0, y and the trace are those after the jump. Rows after `until` of the
-  /// solution are NaN.
+  /// solution are NaN. With memories row 0 is that of the modes which the solution begins in, but for x.
   void fill(const EventSolution&, const std::vector<Index>& components, bool trace, Result& result);
   /// Of the rows filled last.
   double residual(Result) const;
@@ -36,6 +36,8 @@ class EventRows {
   const Result& at_zero() const { return at_zero_; }  ///< status and counters of the problem at t = 0
 
  private:
+  RowMatrix modes_of_rows() const;
+  RowMatrix trace_of(const Result&) const;
   bool takes_right(const EventSolution&, Index j) const;
 
   DiscreteProblem p_;

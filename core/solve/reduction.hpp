@@ -17,7 +17,8 @@ struct Reduction {
   std::shared_ptr<RowMatrix> first_iterate = {};  ///< that the options point to, if they do
   /// y, x and N x of the given scene as those of the simpler one. Empty: they are the same.
   std::function<void(Result&)> there = {};
-  std::function<void(Result&)> back = {};  ///< likewise
+  std::function<void(Result&)> back = {};                   ///< likewise
+  std::function<void(LocatedSolution&)> back_located = {};  ///< active sets and switches, with `back` of polynomials
   /// After `back`, of the result of a solve: what is measured and recorded in the given scene.
   std::function<void(Result&)> finish = {};
 };

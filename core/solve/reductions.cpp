@@ -3,6 +3,7 @@
 #include "core/base/timer.hpp"
 #include "core/result/located_solution.hpp"
 #include "core/scene/mass_matrix.hpp"
+#include "core/scene/memory_rows.hpp"
 #include "core/scene/port_hamiltonian.hpp"
 #include "core/scene/separable.hpp"
 #include "core/solve/mixed.hpp"
@@ -25,6 +26,44 @@ constexpr Index smallest_sparse = 512;
 // factorization of a sparse one. (Whether a sparse march divides its steps is a question for Methods::march.)
 constexpr Index smallest_sparse_with_parts = 128;
 constexpr double most_filled = 1.0 / 16;  ///< of a matrix that is factorized in much less time
+
+// Memories become states, and rows that watch. Nothing of that is of use to another solve.
+std::optional<Reduction> memory_rows(const Scene& scene, const InnerOptions& options) {
+  if (scene.memories.empty()) return std::nullopt;
+  Reduction made{with_memory_rows(scene), options};
+  made.options.prepared = {};
+  const Index m = scene.states(), n = scene.constraints();
+  made.there = [rows = made.scene.constraints()](Result& r) {
+    for (RowMatrix* table : {&r.y, &r.y_left, &r.y_integral, &r.trace}) {
+      if (table->size() == 0) continue;
+      const Index before = table->cols();
+      table->conservativeResize(Eigen::NoChange, rows);
+      table->rightCols(rows - before).setZero();
+    }
+  };
+  made.back = [m, n](Result& r) {
+    for (RowMatrix* table : {&r.y, &r.y_left, &r.y_integral, &r.trace})
+      if (table->cols() > n) table->conservativeResize(Eigen::NoChange, n);
+    Index own = 0;
+    while (own < Index(r.x_components.size()) && r.x_components[std::size_t(own)] < m) ++own;
+    if (r.x.cols() > own) r.x.conservativeResize(Eigen::NoChange, own);
+    r.x_components.resize(std::size_t(own));
+    if (r.start.size() > m) r.start.conservativeResize(m);
+    // The modes at T do not depend on a change of x(0): their multipliers are 0, the last ones.
+    if (Index(r.multipliers.size()) > m) r.multipliers.resize(std::size_t(m));
+  };
+  made.back_located = [m, n](LocatedSolution& s) {
+    const auto behind = [n](Index i) { return i >= n; };
+    for (EventPiece& p : s.pieces) {
+      std::erase_if(p.active, behind);
+      for (EventImpulse& impulse : p.impulses) std::erase_if(impulse.active, behind);
+      std::erase_if(p.resets, [m](Index i) { return i >= m; });
+      if (p.event >= n) p.event = -1;
+    }
+    std::erase_if(s.switches, [&](const Switch& one) { return behind(one.component); });
+  };
+  return made;
+}
 
 // f given per state as a few shapes times functions of time: the shapes are columns F, which take the place of one
 // column for each state in the shifted solves of large dynamics.
@@ -141,8 +180,8 @@ bool becomes_dense(const Scene& scene, const InnerOptions& options) {
 
 const std::vector<Reduce>& reductions_of_scene() {
   // E of small sparse dynamics can be eliminated once they are dense.
-  static const std::vector<Reduce> list{columns_of_f,   mass_matrix,    symmetric_form, natural_units_of,
-                                        no_constraints, dense_matrices, mass_matrix};
+  static const std::vector<Reduce> list{memory_rows,      columns_of_f,   mass_matrix,    symmetric_form,
+                                        natural_units_of, no_constraints, dense_matrices, mass_matrix};
   return list;
 }
 
@@ -177,6 +216,8 @@ Result Reductions::of_solve(Result result) const {
     CoefficientRows coefficients(*located);
     back(coefficients.rows());
     coefficients.read_back();
+    for (auto r = made_.rbegin(); r != made_.rend(); ++r)
+      if (r->back_located) r->back_located(*located);
     result.located = std::move(located);
   }
   for (auto r = made_.rbegin(); r != made_.rend(); ++r) {

@@ -29,8 +29,8 @@ class Reductions {
   double spent_ = 0;
 };
 
-/// Before a method is chosen: columns F, mass matrix, symmetric form, natural units, an idle constraint, dense
-/// matrices.
+/// Before a method is chosen: memories, columns F, mass matrix, symmetric form, natural units, an idle constraint,
+/// dense matrices.
 const std::vector<Reduce>& reductions_of_scene();
 
 /// Before one grid is solved: symmetric form, free rows.

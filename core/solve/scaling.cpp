@@ -277,10 +277,30 @@ NaturalUnits natural_units(const Scene& scene) {
   if (!common && !(all_zero(units.y) && all_zero(units.w)))
     if (const Semidefinite s = semidefinite(scene, M); s.holds)
       keep_semidefinite(sizes, M.cwiseAbs(), s.as_stated, units);
+  for (const Memory& memory : scene.memories)
+    if (memory.state >= 0) units.x[std::size_t(memory.state)] = 0;  // the number of a mode
   if (scene.boundary) units.boundary = boundary_rows(*scene.boundary, units.x);
   if (all_zero(units.x) && all_zero(units.y) && all_zero(units.w) && all_zero(units.boundary)) return {};
   return units;
 }
+
+namespace {
+
+void change_modes(std::vector<Memory>& memories, const NaturalUnits& u) {
+  for (Memory& memory : memories)
+    for (Memory::Mode& mode : memory.modes) {
+      mode.f = divided(mode.f, u.x);
+      mode.g = divided(mode.g, u.w);
+      mode.A = changed(std::move(mode.A), u.x, u.x);
+      mode.B = changed(std::move(mode.B), u.x, u.y);
+      mode.N = changed(std::move(mode.N), u.w, u.x);
+      mode.M = changed(std::move(mode.M), u.w, u.y);
+      for (Memory::Leave& leave : mode.leave)
+        for (Memory::Jump& jump : leave.set) jump.value = times_ten_to(-u.x[std::size_t(jump.state)], jump.value);
+    }
+}
+
+}  // namespace
 
 Scene in_natural_units(const Scene& scene, const NaturalUnits& u) {
   Scene natural = scene;
@@ -294,6 +314,7 @@ Scene in_natural_units(const Scene& scene, const NaturalUnits& u) {
   else
     natural.f = divided(scene.f, scene.f_entry == SourceEntry::through_B ? u.y : u.x);
   natural.g = divided(scene.g, u.w);
+  change_modes(natural.memories, u);
   for (Reset& r : natural.resets) r.value = times_ten_to(-u.x[std::size_t(r.state)], r.value);
   if (scene.boundary) {
     BoundaryCondition& c = *natural.boundary;

@@ -1,6 +1,7 @@
 #pragma once
 // The result of a solve: the solution, what is known of its error, and how it was found.
 
+#include "memory.hpp"
 #include "options.hpp"
 #include "types.hpp"
 
@@ -103,7 +104,10 @@ struct Solution {
   RowMatrix x;                      ///< (J+1) x requested components of the state
   std::vector<Index> x_components;  ///< their indices
   RowMatrix trace;                  ///< (J+1) x n, N x if requested; w = trace + M y + g
-  Vector start;                     ///< m, method shooting with a boundary condition: x(0)
+  /// (J+1) x memories: the number of the mode of each, on the side that y is on; -1 where y is NaN. Empty: no memories.
+  RowMatrix modes;
+  std::vector<ModeChange> mode_changes;  ///< in order of time
+  Vector start;                          ///< m, method shooting with a boundary condition: x(0)
   /// Methods that locate switches: polynomials between them, which the rows are values of; otherwise null.
   std::shared_ptr<const LocatedSolution> located;
   bool continuous = true;            ///< y is linear between its rows; false: it may jump from step to step

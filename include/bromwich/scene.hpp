@@ -13,6 +13,7 @@
 
 #include "dynamics.hpp"
 #include "lcp.hpp"
+#include "memory.hpp"
 #include "time_function.hpp"
 #include "types.hpp"
 
@@ -42,8 +43,8 @@ struct Labels {
 /// stored and sampled is phi: a heat source that many cells share costs one number a time point.
 enum class SourceEntry { state, through_B, through_F };
 
-/// A mode with memory: where w_i of a guard i falls below 0, the state x_j jumps to a value, and keeps it as long as
-/// its equation, x_j' = 0 say, does. A guard is a row that other rows and the state do not see: M_ii > 0, and no other
+/// Where w_i of a guard i falls below 0, the state x_j jumps to a value, and keeps it as long as its equation, x_j' = 0
+/// say, does. A guard is a row that other rows and the state do not see: M_ii > 0, and no other
 /// entry in column i of M and B. Guards are the last rows.
 struct Reset {
   Index guard = 0;   ///< i
@@ -75,6 +76,8 @@ struct Scene {
   /// Where the guard of several falls below 0 they are done in this order. Method events takes them, and for periodic
   /// states shooting.
   std::vector<Reset> resets;
+  /// Elements with memory. Methods as with resets.
+  std::vector<Memory> memories;
   std::vector<Index> free_rows;  ///< rows i with w_i = 0 and y_i of either sign, increasing
   /// The structure the dynamics were made from, where there is one; null otherwise. Such a scene may have no
   /// constraints (n = 0).

@@ -43,6 +43,7 @@ from ._circuit_map import CircuitMap
 from ._invert import Inverse, invert
 from ._lcp import LcpGradient, LcpResult, LcpTangent, lcp
 from ._mechanics import Contact, MechanicalScene, Structure
+from ._memory import Memory, ModeChange
 from ._mesh import Mesh
 from ._nonlinear import NonlinearResult, solve_nonlinear
 from ._parameters import ParameterDerivative
@@ -88,7 +89,9 @@ __all__ = [
     "Margin",
     "MechanicalEnergy",
     "MechanicalScene",
+    "Memory",
     "Mesh",
+    "ModeChange",
     "NonlinearResult",
     "NotSolved",
     "NotSolvedWarning",

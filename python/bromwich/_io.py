@@ -32,15 +32,17 @@ def save(result: Recorded, path: str | os.PathLike[str]) -> None:
         values = getattr(result, key)
         if values is not None and values.shape[1] > 0:
             arrays[key] = values[:rows]
+    modes = [(name, meaning, values[:rows]) for name, meaning, values in getattr(result, "_mode_series", list)()]
     facts = {**result._attributes(), **result._provenance()}
     with complete(name) as written:
         if extension == ".csv":
-            _save_csv(result, written, arrays)
+            _save_csv(result, written, arrays, modes)
         elif extension == ".npz":
             named = {f"attribute_{key}": np.array(value) for key, value in facts.items()}
+            arrays |= {name: values for name, _, values in modes}
             np.savez_compressed(written, allow_pickle=False, **arrays, **_scales(result, arrays), **named)
         else:
-            _save_hdf5(result, written, arrays, facts, _grid(result, name) if extension == ".vtkhdf" else None)
+            _save_hdf5(result, written, arrays, facts, modes, _grid(result, name) if extension == ".vtkhdf" else None)
 
 
 @contextlib.contextmanager
@@ -101,8 +103,16 @@ def _grid(result: Recorded, name: str) -> tuple[float, ...]:
     return grid
 
 
+Series = list[tuple[str, str, np.ndarray]]  # name, meaning and values at the rows
+
+
 def _save_hdf5(
-    result: Recorded, name: str, arrays: dict[str, np.ndarray], facts: dict[str, Any], grid: tuple[float, ...] | None
+    result: Recorded,
+    name: str,
+    arrays: dict[str, np.ndarray],
+    facts: dict[str, Any],
+    modes: Series,
+    grid: tuple[float, ...] | None,
 ) -> None:
     scales = _scales(result, arrays)
     columns = SimpleNamespace(
@@ -121,6 +131,8 @@ def _save_hdf5(
     except _hdf5.Refused as refused:
         raise Error(f"path: {refused}", "path") from None
     written.write(arrays["t"], arrays.get("y"), arrays.get("w"), arrays.get("x"), 0)
+    if modes:
+        written.add(modes)
     image = written.file.image()
     written.close()
     with open(name, "wb") as whole:
@@ -132,10 +144,11 @@ def _shortest(value: float) -> str:
     return text[:-2] if text.endswith(".0") else text
 
 
-def _save_csv(result: Recorded, name: str, arrays: dict[str, np.ndarray]) -> None:
+def _save_csv(result: Recorded, name: str, arrays: dict[str, np.ndarray], modes: Series) -> None:
     scales = _scales(result, arrays, named=False)  # the letters of the header tell y from x
     columns = [arrays["t"][:, None], result.y[: len(arrays["t"])], arrays.get("x", np.empty((len(arrays["t"]), 0)))]
-    header = ["t", *scales.get("constraint_name", []), *scales.get("state_name", [])]
+    columns += [values[:, None] for _, _, values in modes]
+    header = ["t", *scales.get("constraint_name", []), *scales.get("state_name", []), *(name for name, _, _ in modes)]
     with open(name, "w", encoding="utf-8", newline="\n") as file:
         file.write(",".join(header) + "\n")
         for row in zip(*(part for part in columns)):

@@ -10,6 +10,7 @@ import numpy as np
 
 from . import _core, _sources
 from ._errors import Error
+from ._memory import set_memories
 
 
 def restored(
@@ -31,6 +32,7 @@ def restored(
     f, g, breakpoints = sources
     model.set_sources(_sources.restored(f), _sources.restored(g), breakpoints)
     model.validate()
+    set_memories(model, facts.get("memory") or [], facts.get("names") or {}, parameters)
     return cls._of(model, parameters, facts)
 
 

@@ -22,7 +22,9 @@ MOST_LINES = 10
 def plot(result: Recorded, what: str, components: Iterable[int] | None, ax: Axes | None) -> Any:
     import matplotlib.pyplot as plt
 
-    require(what in ("auto", "x", "y", "w"), "what", f"found {what!r}; use 'auto', 'x', 'y' or 'w'")
+    require(what in ("auto", "x", "y", "w", "modes"), "what", f"found {what!r}; use 'auto', 'x', 'y', 'w' or 'modes'")
+    if what == "modes":
+        return _bars(result, ax if ax is not None else plt.subplots(layout="constrained")[1])
     if ax is not None:
         _draw(result, "y" if what == "auto" else what, components, ax)
         return ax
@@ -36,6 +38,23 @@ def plot(result: Recorded, what: str, components: Iterable[int] | None, ax: Axes
         own.set_xlabel("")
     _title(result, axes[0, 0])
     return axes[:, 0] if both else axes[0, 0]
+
+
+def _bars(result: Any, ax: Axes) -> Axes:
+    """The modes of memories over time, a row for each, with their names."""
+    require(bool(getattr(result, "modes", {})), "modes", "the scene has no elements with memory")
+    end = float(result.t[-1])
+    for row, (name, modes) in enumerate(result.modes.items()):
+        changes = [change for change in result.mode_changes if change.memory == name]
+        begins = [float(result.t[0]), *(change.t for change in changes)]
+        names = [modes[0] if not changes else changes[0].previous, *(change.mode for change in changes)]
+        colours = {mode: f"C{i}" for i, mode in enumerate(dict.fromkeys(names))}
+        for begin, until, mode in zip(begins, [*begins[1:], end], names):
+            ax.barh(row, until - begin, left=begin, height=0.6, color=colours[mode])
+            ax.text((begin + until) / 2, row, mode, ha="center", va="center", clip_on=True)
+    ax.set_yticks(range(len(result.modes)), list(result.modes))
+    label(ax.xaxis, "t", result.units["t"], result.t)
+    return ax
 
 
 def _of_one_unit(result: Recorded, what: str) -> list[list[int] | None]:

@@ -16,6 +16,7 @@ from ._contacts import ContactReport, report_of
 from ._derivative import Derivative
 from ._errors import require
 from ._io import complete, extension_of
+from ._memory import ModeChange, mode_changes, mode_series, modes_at_rows
 from ._parameters import ParameterDerivative
 from ._rows import Rows, Switch
 from ._scene import Scene
@@ -139,6 +140,19 @@ class Result(Rows):
     def goal(self) -> dict[str, Any] | None:
         """Method goal: the quantity, and the history of the grids."""
         return self._answer.goal
+
+    @property
+    def modes(self) -> dict[str, np.ndarray]:
+        """The mode of each memory at the rows, names by the name of the memory; empty texts after the last valid row."""
+        return modes_at_rows(self._scene._model, self._answer)
+
+    def _mode_series(self) -> list[tuple[str, str, np.ndarray]]:
+        return mode_series(self._scene._model, self._answer)
+
+    @property
+    def mode_changes(self) -> list[ModeChange]:
+        """When memories change their modes, located, in order of time."""
+        return mode_changes(self._scene._model, self._answer)
 
     @property
     def switches(self) -> list[Switch]:

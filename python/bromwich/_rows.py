@@ -151,7 +151,8 @@ class Rows:
         """Draws y, x or w over time with matplotlib; many components as a picture over time.
 
         Args:
-            what: ``"y"``, ``"x"``, ``"w"``, or ``"auto"``: x above y where x was recorded, otherwise y.
+            what: ``"y"``, ``"x"``, ``"w"``, ``"modes"`` (bars of elements with memory), or ``"auto"``: x above y where x was
+                recorded, otherwise y.
             components: columns to draw; None: all.
             ax: axes to draw into; None: new ones.
 

@@ -16,6 +16,7 @@ import numpy as np
 from . import _core, _hdf5
 from ._errors import Error, require
 from ._io import HDF5, extension_of
+from ._memory import ModeChange
 from ._result import Result
 from ._rows import Switch
 
@@ -104,6 +105,33 @@ class SavedResult(Result):
             Error: for times outside the rows, and for times between them where y may jump.
         """
         return SavedResult(self._answer.between(self._times(t)), {**self._facts, "_units": self._units})
+
+    @property
+    def modes(self) -> dict[str, np.ndarray]:
+        """The mode of each memory at the rows, by its name; empty where the file has no summary."""
+        found = {}
+        for one in self._memories():
+            found[one["name"]] = self._at_rows(one)
+        return found
+
+    @property
+    def mode_changes(self) -> list[ModeChange]:
+        """When memories change their modes, in order of time; empty where the file has no summary."""
+        changes = [ModeChange(c["t"], one["name"], c["from"], c["to"]) for one in self._memories() for c in one["changes"]]
+        return sorted(changes, key=lambda change: change.t)
+
+    def _memories(self) -> list[dict[str, Any]]:
+        return self._answer.summary.get("memories", [])
+
+    def _at_rows(self, memory: dict[str, Any]) -> np.ndarray:
+        names = np.array([memory["start"], *(change["to"] for change in memory["changes"])])
+        return names[np.searchsorted([change["t"] for change in memory["changes"]], self.t, side="right")]
+
+    def _mode_series(self) -> list[tuple[str, str, np.ndarray]]:
+        return [
+            (one["name"], "", np.array([float(one["modes"].index(mode)) for mode in self._at_rows(one)]))
+            for one in self._memories()
+        ]
 
     @property
     def switches(self) -> list[Switch]:

@@ -14,6 +14,7 @@ from ._dynamics import Dynamics, Kronecker
 from ._errors import Error
 from ._labels import names_of, units_of
 from ._matrices import matrices
+from ._memory import Memory, memories, set_memories
 from ._mesh import Mesh
 from ._model import parameters_of, set_conditions, set_dynamics, set_f_entry, set_lcp
 from ._pickled_scene import fingerprint, made_again, restored
@@ -52,6 +53,7 @@ class Scene:
         names: of components, ``{"x": ["v", "i"], "y": ["i_D"]}``: m for x, n for y and for w. ``states=`` takes them;
             results, pictures and files have them.
         mesh: :class:`Mesh`, of which the states are values at points.
+        memory: :class:`Memory`, or several: elements with modes that located events change.
         units: likewise, one for each component or one text for all, and ``"t"``: ``{"t": "s", "x": ["V", "A"]}``.
 
     Sources are given as
@@ -98,6 +100,7 @@ class Scene:
         names: Mapping[str, Iterable[str]] | None = None,
         units: Mapping[str, str | Iterable[str]] | None = None,
         mesh: Mesh | None = None,
+        memory: Memory | Mapping[str, Any] | list[Memory | Mapping[str, Any]] | None = None,
     ) -> None:
         if T is None:
             raise Error("T: is missing; give the final time", "T")
@@ -127,6 +130,9 @@ class Scene:
         if mesh is not None:
             mesh.check(model.states, model.constraints)
         self._facts: dict[str, Any] = {"names": names_of(model, names), "units": units_of(model, units), "mesh": mesh}
+        if all_of_them := memories(memory):
+            set_memories(model, all_of_them, self.names, self._parameters)
+            self._facts["memory"] = all_of_them
         self._recipe: tuple | None = None
 
     def _sources(self, f: Any, g: Any) -> tuple[_core.Source | None, _core.Source | None]:

@@ -80,7 +80,7 @@ void members_of_result(const Each& each, R& r) {
   each("alternates", r.alternates), each("continuous", r.continuous), each("rough_steps", r.rough_steps);
   each("well_posed", r.well_posed), each("infeasible_at", r.infeasible_at), each("warning", r.warning);
   each("residual", r.residual), each("boundary_residual", r.boundary_residual);
-  each("multipliers", r.multipliers), each("start", r.start);
+  each("multipliers", r.multipliers), each("start", r.start), each("modes", r.modes);
   each("error_estimate", r.error_estimate), each("algebraic_error", r.algebraic_error);
   each("kernel_error", r.kernel_error), each("magnification", r.magnification), each("rounding", r.rounding);
   each("rounding_of_y", r.rounding_of_y), each("unresolved_sources", r.unresolved_sources);
@@ -97,6 +97,7 @@ template <class Each, class P>
 void members_of_piece(const Each& each, P& p) {
   each("begin", p.begin), each("length", p.length), each("end", p.end), each("x", p.x), each("y", p.y);
   each("integral", p.integral), each("active", p.active), each("event", p.event), each("passed", p.passed);
+  each("modes", p.modes);
 }
 
 template <class Each, class C>
@@ -213,6 +214,7 @@ Result result_from(const nb::dict& d) {
   if (d.contains("certificate"))
     members_of_certificate(Reader{nb::cast<nb::dict>(d["certificate"])}, r.certificate.emplace());
   if (d.contains("located")) r.located = located_from(nb::cast<nb::dict>(d["located"]));
+  if (r.located) r.mode_changes = mode_changes(*r.located);
   if (d.contains("defects")) {
     const auto parts = nb::cast<nb::tuple>(d["defects"]);
     r.defects = std::make_shared<const StepDefects>(

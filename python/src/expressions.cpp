@@ -1,4 +1,5 @@
-#include "files/expression.hpp"
+#include "files/condition.hpp"
+#include "files/state_functions.hpp"
 #include "sources.hpp"
 
 #include <nanobind/stl/map.h>
@@ -21,6 +22,34 @@ Source expression_source(const std::vector<std::string>& texts, const std::map<s
           {},
           {},
           [texts, parameters, T, name] { return nb::make_tuple("expressions", texts, parameters, T, name); }};
+}
+
+struct ConditionReader::Parts {
+  Expressions expressions = {};
+  ConditionNames names = {};
+  double T = 0;
+};
+
+ConditionReader::ConditionReader(Index states, const std::vector<std::string>& x, Index constraints,
+                                 const std::vector<std::string>& y, const std::map<std::string, double>& parameters,
+                                 double T) {
+  const auto parts = std::make_shared<Parts>();
+  for (const auto& [key, value] : parameters) parts->expressions.define(key, value, "parameters");
+  parts->names = {variables_of('x', states, x, constraints, y), states, constraints};
+  parts->T = T;
+  parts_ = parts;
+}
+
+ReadCondition ConditionReader::read(const std::string& text, const std::string& name) const {
+  SwitchTimes switches;
+  Memory::Condition condition = read_condition(text, parts_->names, parts_->expressions, parts_->T, name, switches);
+  return {std::move(condition), std::move(switches.times), switches.complete};
+}
+
+Index ConditionReader::state(const std::string& name) const {
+  const auto known = parts_->names.variables.find(name);
+  return known == parts_->names.variables.end() || Index(known->second) >= parts_->names.states ? -1
+                                                                                                : Index(known->second);
 }
 
 }  // namespace bromwich::python

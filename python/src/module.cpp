@@ -56,6 +56,7 @@ NB_MODULE(_core, m) {
   bind_inversion(m);
   bind_lcp(m);
   bind_mechanics(m);
+  bind_memories(m);
   bind_nonlinear(m);
   bind_report(m);
   bind_state(m);

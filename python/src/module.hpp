@@ -49,6 +49,7 @@ void bind_errors(nb::module_& m);
 void bind_inversion(nb::module_& m);
 void bind_lcp(nb::module_& m);
 void bind_mechanics(nb::module_& m);
+void bind_memories(nb::module_& m);
 void bind_nonlinear(nb::module_& m);
 void bind_sources(nb::module_& m);
 void bind_scenes(nb::module_& m);

@@ -1,11 +1,13 @@
 #pragma once
 // Sources f and g as Python states them.
 
+#include "bromwich/memory.hpp"
 #include "callable.hpp"
 #include "core/base/time_function.hpp"
 
 #include <functional>
 #include <map>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -37,6 +39,27 @@ Source python_source(const Kept& one, const Kept& many, Index width, double T);
 /// One expression of t and the parameters per value (docs/scene-files.md).
 Source expression_source(const std::vector<std::string>& texts, const std::map<std::string, double>& parameters,
                          double T, const std::string& name);
+
+/// A condition of a memory, a text of the states, y and t, and the times at which what it says of t may jump.
+struct ReadCondition {
+  Memory::Condition condition;
+  std::vector<double> breakpoints;
+  bool breakpoints_are_all = false;
+};
+
+/// Reads the conditions of a scene. `x` and `y`: names of the components, or none.
+class ConditionReader {
+ public:
+  ConditionReader(Index states, const std::vector<std::string>& x, Index constraints, const std::vector<std::string>& y,
+                  const std::map<std::string, double>& parameters, double T);
+  ReadCondition read(const std::string& text, const std::string& name) const;
+  /// The number of a state by its name; -1: there is none.
+  Index state(const std::string& name) const;
+
+ private:
+  struct Parts;
+  std::shared_ptr<const Parts> parts_;
+};
 
 /// f and g together: the times of both.
 std::vector<double> merged(const std::vector<double>& a, const std::vector<double>& b);

@@ -104,6 +104,43 @@ TEST_F(CliFiles, RelaysReportTheirSwitches) {
   EXPECT_EQ(cells[1] + cells[2] + cells[3], "0-10");
 }
 
+const std::string thermostat =
+    "[parameters]\nlow = 0.9\n[dynamics]\nA = [[-1]]\nx0 = [1.1]\n[[memory]]\nname = \"heater\"\n"
+    "[memory.modes.off]\nleave = [{ to = \"on\", when = \"x0 < low\" }]\n[memory.modes.on]\nf = [2]\n"
+    "leave = [{ to = \"off\", when = \"x0 > 1.1\" }]\n[time]\nT = 0.5\n[output]\nstates = \"all\"\n";
+
+TEST_F(CliFiles, ElementsWithMemory) {
+  save("room.toml", thermostat);
+  const Json json = solved("room.toml --tol-x 1e-6 --at 0.1,0.3 --out y.csv")["memories"][0];
+  EXPECT_EQ(json["name"], "heater");
+  EXPECT_EQ(json["modes"], Json::parse(R"(["off", "on"])"));
+  ASSERT_EQ(json["changes"].size(), 2u);
+  EXPECT_NEAR(json["changes"][0]["t"].get<double>(), std::log(1.1 / 0.9), 1e-9);
+  EXPECT_EQ(json["changes"][1]["to"], "off");
+  const auto lines = split(read(folder_ / "y.csv"), '\n');
+  EXPECT_EQ(lines[0], "t,x0,heater");
+  EXPECT_EQ(split(lines[1], ',')[2], "0");
+  EXPECT_EQ(split(lines[2], ',')[2], "1");
+  EXPECT_NE(run("check room.toml").out.find("heater: off (to on), on (to off); begins with off"), std::string::npos);
+  EXPECT_NE(run("solve room.toml").out.find("heater 2 changes, off at T"), std::string::npos);
+  EXPECT_EQ(split(read(folder_ / "y.csv"), '\n').size(), 3u);
+  solved("room.toml --columns heater --at 0.3 --out y.csv");
+  EXPECT_EQ(read(folder_ / "y.csv"), "t,heater\n0.3,1\n");
+}
+
+TEST_F(CliFiles, ElementsWithMemoryInSweeps) {
+  save("rooms.toml", thermostat + "[sweep]\nlow = [0.9, 0.8]\n");
+  const Outcome sweep = run("solve rooms.toml --at 0.3 --out y.csv");
+  ASSERT_EQ(sweep.exit_code, 0) << sweep.err;
+  const auto lines = split(read(folder_ / "y.csv"), '\n');
+  ASSERT_EQ(lines.size(), 3u);
+  // One heats from ln(1.1/0.9) on, the other not before ln(1.1/0.8) > 0.3. Of the default tolerance 1e-3.
+  EXPECT_NEAR(std::stod(split(lines[1], ',')[5]), 2 - 1.1 * std::exp(-(0.3 - std::log(1.1 / 0.9))), 2e-3);
+  EXPECT_NEAR(std::stod(split(lines[2], ',')[5]), 1.1 * std::exp(-0.3), 2e-3);
+  EXPECT_NE(run("solve rooms.toml --columns heater --out y.csv").err.find("asks for heater with [sweep]"),
+            std::string::npos);
+}
+
 TEST_F(CliFiles, TimesBetweenTimePointsAreAllowedWhereYJumps) {
   // A mass falls onto a stop at t = 1 and stays: y jumps from 0 to 1.
   save("stop.toml",

@@ -1,0 +1,185 @@
+#include "core/scene/memory_rows.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+namespace bromwich {
+
+namespace {
+
+using Condition = Memory::Condition;
+
+// The sum of functions of time; what is behind their values is 0.
+TimeFunction sum(const TimeFunction& a, Index of_a, const TimeFunction& b, Index of_b) {
+  if (!a && !b) return {};
+  return [a, of_a, b, of_b](double t, Eigen::Ref<Vector> value) {
+    value.setZero();
+    if (a) a(t, value.head(of_a));
+    if (!b) return;
+    Vector more = Vector::Zero(of_b);
+    b(t, more);
+    value.head(of_b) += more;
+  };
+}
+
+TimeFunction widened(const TimeFunction& a, Index of_a) { return sum(a, of_a, {}, 0); }
+
+Matrix grown(const Matrix& a, Index rows, Index columns) {
+  Matrix larger = Matrix::Zero(rows, columns);
+  larger.topLeftCorner(a.rows(), a.cols()) = a;
+  return larger;
+}
+
+// f of the scene as one value for each state.
+TimeFunction f_of_states(const Scene& scene) {
+  if (!scene.f || scene.f_entry == SourceEntry::state) return scene.f;
+  return [F = source_matrix(scene, *scene.dynamics->small_state()), phi = scene.f](double t, Eigen::Ref<Vector> f) {
+    Vector sources = Vector::Zero(F.cols());
+    phi(t, sources);
+    f = F * sources;
+  };
+}
+
+}  // namespace
+
+Scene in_modes(const Scene& scene, const std::vector<Index>& modes) {
+  Scene made = scene;
+  made.memories.clear();
+  const Index m = scene.states(), n = scene.constraints();
+  DenseDynamics d = *scene.dynamics->small_state();
+  Matrix M = to_dense(scene.M);
+  made.f = f_of_states(scene);
+  made.f_entry = SourceEntry::state;
+  made.F = {};
+  for (std::size_t k = 0; k < modes.size(); ++k) {
+    const Memory::Mode& mode = scene.memories[k].modes[std::size_t(modes[k])];
+    for (const auto& [all, more] : {std::pair(&d.A, &mode.A), {&d.B, &mode.B}, {&d.N, &mode.N}, {&M, &mode.M}})
+      if (more->size() > 0) *all += *more;
+    if (mode.M.size() > 0) made.lcp_class = LcpClass::automatic;
+    if (mode.f) made.f = sum(made.f, m, mode.f, m);
+    if (mode.g) made.g = sum(made.g, n, mode.g, n);
+  }
+  made.dynamics = std::move(d);
+  made.M = std::move(M);
+  return made;
+}
+
+const Scene& ScenesInModes::at_row(const RowMatrix& modes, Index row) {
+  if (scene_.memories.empty() || modes.cols() != Index(scene_.memories.size()) || row >= modes.rows()) return scene_;
+  std::vector<Index> now;
+  for (const double mode : modes.row(row)) now.push_back(Index(mode));
+  if (now.front() < 0) return scene_;
+  const auto known = made_.find(now);
+  return known != made_.end() ? known->second : made_.emplace(now, in_modes(scene_, now)).first->second;
+}
+
+namespace {
+
+// Rows -x . x(t) - y . y(t) - time(t) behind those of the scene: of the modes of one memory `count` from `first` on.
+struct Guards {
+  Index m, n, states, rows, first, count;
+  Index next = first;
+
+  void watch(Memory::Mode& mode) {
+    mode.N = grown(mode.N, rows, states);
+    mode.M = grown(mode.M, rows, rows);
+    std::vector<std::pair<Index, TimeFunction>> own;
+    for (Memory::Leave& leave : mode.leave)
+      for (Condition& c : leave.when) {
+        if (c.x.size() > 0) mode.N.row(next).head(m) = -c.x.transpose();
+        if (c.y.size() > 0) mode.M.row(next).head(n) = -c.y.transpose();
+        own.emplace_back(next, c.time);
+        c = {.guard = next++};
+      }
+    // Those of other modes are far from 0.
+    mode.g = [g = mode.g, n = n, first = first, count = count, own](double t, Eigen::Ref<Vector> value) {
+      value.setZero();
+      if (g) g(t, value.head(n));
+      value.segment(first, count).setOnes();
+      Vector one(1);
+      for (const auto& [row, time] : own) {
+        one[0] = 0;
+        if (time) time(t, one);
+        value[row] = -one[0];
+      }
+    };
+  }
+};
+
+Index conditions_of(const Memory& memory) {
+  Index count = 0;
+  for (const Memory::Mode& mode : memory.modes)
+    for (const Memory::Leave& leave : mode.leave) count += Index(leave.when.size());
+  return count;
+}
+
+// Where x(T) = x(0) is asked for, so it is of the modes.
+void add_boundary(Scene& scene, Index states, const std::vector<Index>& start) {
+  BoundaryCondition& c = *scene.boundary;
+  const Index m = c.b.size(), memories = states - m;
+  const bool periodic = c.E0 == -c.ET;
+  c.E0 = grown(c.E0, states, states);
+  c.ET = grown(c.ET, states, states);
+  c.E0.bottomRightCorner(memories, memories).setIdentity();
+  if (periodic) c.ET.bottomRightCorner(memories, memories) = -Matrix::Identity(memories, memories);
+  c.b.conservativeResize(states);
+  for (Index k = 0; k < memories; ++k) c.b[m + k] = periodic ? 0 : double(start[std::size_t(k)]);
+}
+
+}  // namespace
+
+Scene with_memory_rows(const Scene& given) {
+  Scene scene = given;
+  const Index m = given.states(), n = given.constraints(), states = m + Index(given.memories.size());
+  Index rows = n;
+  for (const Memory& memory : given.memories) rows += conditions_of(memory);
+  const DenseDynamics& d = *given.dynamics->small_state();
+  DenseDynamics larger{grown(d.A, states, states), grown(d.B, states, rows), grown(d.N, rows, states), d.E};
+  if (d.E.size() > 0) {
+    larger.E = Matrix::Identity(states, states);
+    larger.E.topLeftCorner(m, m) = d.E;
+  }
+  scene.dynamics = std::move(larger);
+  Matrix M = Matrix::Identity(rows, rows);
+  M.topLeftCorner(n, n) = to_dense(given.M);
+  scene.M = std::move(M);
+  if (scene.f_entry == SourceEntry::through_F)
+    scene.F.conservativeResize(states, scene.F.cols());
+  else
+    scene.f = widened(given.f, given.sources());
+  scene.g = widened(given.g, n);
+  if (scene.restitution.size() > 0) scene.restitution = grown(given.restitution, rows, 1);
+  Index guard = n;
+  for (std::size_t k = 0; k < scene.memories.size(); ++k) {
+    Memory& memory = scene.memories[k];
+    memory.state = m + Index(k);
+    const Index count = conditions_of(memory);
+    Guards guards{m, n, states, rows, guard, count};
+    for (Memory::Mode& mode : memory.modes) {
+      mode.f = widened(mode.f, m);
+      if (mode.A.size() > 0) mode.A = grown(mode.A, states, states);
+      if (mode.B.size() > 0) mode.B = grown(mode.B, states, rows);
+      if (count > 0) guards.watch(mode);
+    }
+    guard += count;
+  }
+  const std::vector<Index> start = modes_at_start(given);
+  if (scene.boundary)
+    add_boundary(scene, states, start);
+  else {
+    scene.x0.conservativeResize(states);
+    for (std::size_t k = 0; k < start.size(); ++k) scene.x0[m + Index(k)] = double(start[k]);
+  }
+  scene.names = {}, scene.units = {}, scene.exact = {}, scene.port = {};
+  return scene;
+}
+
+std::vector<Index> modes_at(const Scene& scene, const Vector& x) {
+  std::vector<Index> modes;
+  for (const Memory& memory : scene.memories)
+    modes.push_back(std::clamp<Index>(std::lround(x[memory.state]), 0, Index(memory.modes.size()) - 1));
+  return modes;
+}
+
+}  // namespace bromwich
