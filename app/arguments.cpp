@@ -2,6 +2,8 @@
 
 #include "app/scene_choice.hpp"
 #include "app/text.hpp"
+#include "circuits/circuit.hpp"
+#include "circuits/values.hpp"
 #include "core/base/error.hpp"
 #include "files/scene_file.hpp"
 
@@ -113,9 +115,13 @@ std::vector<double> parse_times(const std::string& word, double T) {
 
 namespace {
 
-/// A number, or an expression of `names`, the parameters with the settings before it.
-double setting(const std::string& key, const std::string& text, const std::function<ParameterValues()>& names) {
+/// A number, of netlists also with a suffix such as 10u, or an expression of `names`, the parameters with the settings
+/// before it.
+double setting(const std::string& key, const std::string& text, bool of_netlist,
+               const std::function<ParameterValues()>& names) {
   if (const auto number = parse_double(text)) return *number;
+  if (const auto number = of_netlist ? circuits::spice_number(text) : std::nullopt; number && std::isfinite(*number))
+    return *number;
   const std::string found = fmt::format("found '{}' as the value of {}", text, key);
   for (const char* word : {"", "nan", "inf", "-inf", "infinity"})
     if (text == word) throw Error("--set", found, "give a finite number");
@@ -142,7 +148,7 @@ ParameterValues parse_settings(const std::vector<std::string>& words, const std:
     if (equals == std::string::npos || equals == 0)
       throw Error("--set", found(word), "write key=value, such as --set T=2");
     const std::string key = without_spaces(word.substr(0, equals)), text = without_spaces(word.substr(equals + 1));
-    const double value = setting(key, text, [&] {
+    const double value = setting(key, text, is_netlist(scene), [&] {
       ParameterValues names = values;
       if (!scene.empty()) names.merge(known_parameters(scene, values));
       return names;

@@ -11,6 +11,8 @@
 #include "app/parameter_columns.hpp"
 #include "app/scene_choice.hpp"
 #include "app/text.hpp"
+#include "circuits/cards.hpp"
+#include "circuits/circuit.hpp"
 #include "core/base/error.hpp"
 #include "core/solve/dense_output.hpp"
 
@@ -180,7 +182,8 @@ int run_derivative(const DerivativeArguments& a) {
   SceneSource source(scene_name(words));
   const SceneChoice choice = source.with(settings);
   if (a.by.empty()) throw Error("--by", "found none", "give parameters of the scene, such as R,C");
-  const std::vector<std::string> names = parse_parameters("--by", a.by, choice.parameters);
+  const std::string by = is_netlist(scene_name(words)) ? circuits::lower(a.by) : a.by;  // netlists ignore case
+  const std::vector<std::string> names = parse_parameters("--by", by, choice.parameters);
   const std::vector<Column> columns = columns_of(a, choice.scene);
   const Options options = options_of(a, choice, columns);
   const double T = choice.scene.T;

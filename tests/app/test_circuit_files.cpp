@@ -66,6 +66,28 @@ TEST_F(CliCircuit, ColumnsAreOutputsAndExpressions) {
   EXPECT_NE(unknown.err.find("'V(c)' has no node 'c'"), std::string::npos) << unknown.err;
 }
 
+// Numbers as in netlists, whose names ignore case: V(b) = 1 - e^{-t/RC} on the first pulse.
+TEST_F(CliCircuit, SettingsAreWrittenAsInTheFile) {
+  write("c.cir",
+        "low pass\n.param Cl=1u\nV1 a 0 PULSE(0 1 0 0 0 0.25m 1m)\nR1 a b 1k\nC1 b 0 {Cl}\n.tran 10u 0.25m uic\n");
+  const auto last = [&](const std::string& command) {
+    const Outcome found = run(command);
+    EXPECT_EQ(found.exit_code, 0) << found.err;
+    const std::vector<std::string> lines = split(file("c.csv"), '\n');
+    return lines.empty() ? std::vector<std::string>{} : split(lines.back(), ',');
+  };
+  EXPECT_EQ(run("solve c.cir --set Cl=1u*2").exit_code, 2);  // an expression takes no suffixes
+  for (const char* value : {"2u", "2e-6", "2uF", "2000n"}) {
+    const auto row =
+        last(std::string("solve c.cir --tol-x 1e-8 --columns 'V(b)' --at 0.2e-3 --out c.csv --set Cl=") + value);
+    ASSERT_EQ(row.size(), 2u) << value;
+    EXPECT_NEAR(std::stod(row[1]), -std::expm1(-0.1), 1e-7) << value;
+  }
+  const auto row = last("derivative c.cir --by Cl --columns 'V(C1)' --at 0.2e-3 --out c.csv");
+  ASSERT_GE(row.size(), 3u);
+  EXPECT_NEAR(std::stod(row.back()), -0.2e6 * std::exp(-0.2), 1);
+}
+
 TEST_F(CliCircuit, MeasureCardsArePrinted) {
   write("c.cir", low_pass);
   const Outcome found = run("solve c.cir --tol-x 1e-8");
