@@ -17,7 +17,8 @@ struct Column {
   std::string name;  ///< y0, w0, trace0, x0, or that of the scene
 };
 
-/// Of --columns: y, w, trace (N x), x (all states), mode (of all memories) or single columns by name, "y,w0,v". Throws Error for other words.
+/// Of --columns: y, w, trace (N x), x (all states), mode (of all memories) or single columns by name, "y,w0,v". Throws
+/// Error for other words.
 std::vector<Column> parse_columns(const std::string& words, const Scene& scene);
 
 /// Without --columns: all y, the recorded states, and the modes of memories.

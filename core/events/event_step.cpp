@@ -107,6 +107,7 @@ EventSteps::EventSteps(const SystemMatrices& system, const EventSources& sources
       T_(T),
       tolerance_(tolerance),
       longest_(longest),
+      rigid_((openings(system).array() > 0).any()),
       by_f_within_span_(moved_within(span, system.A)),
       by_y_within_span_((by_f_within_span_ * system.B).cwiseAbs()),
       by_f_within_step_(moved_within(longest, system.A)),
@@ -271,28 +272,32 @@ JetValues EventSteps::rounding_of(const EventStep& step) const {
 // What counts as zero of y and w: their rounding, what changes within that of t, and the error of a resolved polynomial
 // beside its own size on the step.
 void EventSteps::set_zeros(const SwitchedMode& mode, const EventPoint& p, EventStep& step) const {
+  const JetValues& size = step.sizes.u;
   const JetValues rounding = rounding_of(step);
   const double of_t = 4 * epsilon * T_ / step.length;
   const Vector of_y = terms(mode.y, rounding);
   step.rounding_y = of_y + of_t * largest_slope(step.y);
   step.rounding_w =
       system_.N.cwiseAbs() * rounding.x + system_.M.cwiseAbs() * of_y + rounding.g + of_t * largest_slope(step.w);
-  step.zero_y = step.rounding_y + noise() * largest(step.y);
-  step.zero_w = step.rounding_w + noise() * largest(step.w);
+  // Of rigid contacts beside the largest terms so far: bounces that are lower end.
+  step.zero_y = step.rounding_y + noise() * (rigid_ ? terms(mode.y, size) : largest(step.y));
+  step.zero_w = step.rounding_w + noise() * (rigid_ ? terms(mode.w, size) : largest(step.w));
+  if (rigid_) return;
   // w that the mode holds at zero is zero, and what counted as zero at the end of the step before still does.
   const Vector of_w = largest(step.w);
   for (const Index i : mode.active) step.zero_w[i] = std::max(step.zero_w[i], of_w[i]);
+  if (p.zero_w.size() == 0) return;
   const LegendreValues at = legendre(0);
   const auto keep = [&at](Vector& zero, const Vector& before, const LegendreCoefficients& values) {
     zero = zero.cwiseMax(before.cwiseMin(-(values.transpose() * at)));
   };
-  if (p.zero_w.size() == 0) return;
   keep(step.zero_y, p.zero_y + step.rounding_y, step.y);
   keep(step.zero_w, p.zero_w + step.rounding_w, step.w);
 }
 
 // Last coefficients of y and w beside their own sizes on the step, where their sign may depend on them.
 double EventSteps::defect_of_signs(const SwitchedMode& mode, const EventStep& step) const {
+  if (rigid_) return 0;
   const Collocation& c = Collocation::get();
   double defect = 0;
   std::size_t k = 0;

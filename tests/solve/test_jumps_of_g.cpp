@@ -63,7 +63,7 @@ TEST(JumpsOfG, RowsOfATolerancesStepsAreOnOneSide) {
       s.scene.M = Matrix{{M}};
       const auto g = [](double t) { return std::fmod(t, 0.5) < 0.2 ? 1.0 : -1.0; };
       s.scene.g = [g](double t, Eigen::Ref<Vector> v) { v[0] = g(t); };
-      s.scene.breakpoints = {0.2, 0.5, 0.7, 1, 1.2, 1.5, 1.7};
+      s.scene.breakpoints = {0.2, 0.5, 0.7, 1, 1.2, 1.5, 1.7, 2};
       s.scene.x0 = Vector{{0}};
       s.scene.T = 2;
       if (others > 0) s.scene = oracle::among_sparse_states(s.scene, others);
