@@ -114,7 +114,7 @@ Index conditions_of(const Memory& memory) {
   return count;
 }
 
-// Where x(T) = x(0) is asked for, so it is of the modes.
+// The modes start as the scene says. With the condition x(0) = x(T) they are the same at both ends.
 void add_boundary(Scene& scene, Index states, const std::vector<Index>& start) {
   BoundaryCondition& c = *scene.boundary;
   const Index m = c.b.size(), memories = states - m;
