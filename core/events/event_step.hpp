@@ -33,7 +33,7 @@ struct EventStep {
   LegendreCoefficients df, dg, ddg;
   EventSizes sizes;               ///< those of the step included
   Vector doubt;                   ///< n: error of y, since values of y and w below zero were counted as zero
-  Vector rounding_y, rounding_w;  ///< n values each
+  Vector rounding_y, rounding_w;  ///< n: of their values
   Vector zero_y, zero_w;          ///< n: values up to these count as zero
 };
 
