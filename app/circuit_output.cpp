@@ -19,6 +19,7 @@ Scene output_scene(const Circuit& circuit, const std::vector<Probe>& probes) {
   scene.M = Matrix::Zero(0, 0);
   scene.x0 = Vector::Zero(p);
   scene.T = circuit.scene.T;
+  scene.memories = circuit.scene.memories;
   scene.time_unit = circuit.scene.time_unit;
   for (const CircuitOutput& output : circuit.outputs) {
     scene.names.x.push_back(output.name);
@@ -51,19 +52,20 @@ std::vector<Column> circuit_columns(const std::string& words, const Circuit& cir
   std::string word;
   int depth = 0;
   const auto take = [&] {
-    Index number = -1;
-    for (std::size_t i = 0; i < circuit.outputs.size() && number < 0; ++i)
-      if (circuit.outputs[i].name == word) number = Index(i);
-    std::string name = word;
-    if (number < 0) {
+    Column next{ColumnKind::x, -1, word};
+    for (std::size_t k = 0; k < circuit.scene.memories.size(); ++k)
+      if (circuit.scene.memories[k].name == word) next = {ColumnKind::mode, Index(k), word};
+    for (std::size_t i = 0; i < circuit.outputs.size(); ++i)
+      if (circuit.outputs[i].name == word) next.component = Index(i);
+    if (next.component < 0) {
       probes.emplace_back(circuit, word, "--columns");
-      name = probes.back().label();
-      number = Index(circuit.outputs.size() + probes.size()) - 1;
+      next.name = probes.back().label();
+      next.component = Index(circuit.outputs.size() + probes.size()) - 1;
     }
     for (const Column& column : columns)
-      if (column.name == name)
-        throw Error("--columns", fmt::format("{} is given twice", name), "give each column once");
-    columns.push_back({ColumnKind::x, number, name});
+      if (column.name == next.name)
+        throw Error("--columns", fmt::format("{} is given twice", next.name), "give each column once");
+    columns.push_back(next);
     word.clear();
   };
   for (const char c : words) {

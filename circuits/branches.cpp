@@ -80,7 +80,7 @@ class BranchMaker {
         add(i, true).signals = {{signals_.of_y(own.y), 1}};
         return;
       case 'U':
-        add(i, true).signals = {{own.guard < 0 ? signals_.of_u(own.source) : own.signal, 1}};
+        add(i, true).signals = {{signals_.of_u(own.source), 1}};
         return;
       case 'D':
         return add_diode(i);

@@ -59,6 +59,15 @@ std::vector<Waveform> make_sources(const Netlist& netlist, const Reduction& r) {
   return u;
 }
 
+/// Columns of u: of modes, and of all else.
+Rows of_modes(const Rows& over_u, const Reduction& r) {
+  const Index count = Index(r.memories.size());
+  return columns(over_u, r.sources - count, count);
+}
+Rows of_sources(const Rows& over_u, const Reduction& r) {
+  return columns(over_u, 0, r.sources - Index(r.memories.size()));
+}
+
 /// Whether columns have an entry.
 std::vector<char> used_columns(const Rows& m) {
   std::vector<char> used(std::size_t(m.cols()), 0);
@@ -93,11 +102,11 @@ TimeFunction combination(const Rows& of_u, const Rows& of_slope,
   return SeparableSource{std::move(shapes), time};
 }
 
-/// Those of the sources that f or g see. Times that differ by rounding are one.
-std::vector<double> breakpoints(const Rows& F, const Forms& w, const std::vector<Waveform>& u, double T) {
-  std::vector<char> seen = used_columns(F);
-  for (const Rows* other : {&w.u, &w.slope}) {
-    const std::vector<char> more = used_columns(*other);
+/// Those of the sources that f, g or the conditions of memories see. Times that differ by rounding are one.
+std::vector<double> breakpoints(const Reduction& r, const std::vector<Waveform>& u, double T) {
+  std::vector<char> seen(u.size(), 0);
+  for (const Rows* rows : {&r.F, &r.w.u, &r.w.slope, &r.conditions.u, &r.conditions.slope}) {
+    const std::vector<char> more = used_columns(of_sources(*rows, r));
     for (std::size_t k = 0; k < seen.size(); ++k) seen[k] |= more[k];
   }
   std::vector<double> all;
@@ -128,7 +137,7 @@ Vector given_state(const Netlist& netlist, const std::vector<Index>& storage) {
   Vector x(Index(storage.size()));
   for (Index k = 0; k < x.size(); ++k) {
     const Element& e = netlist.elements[std::size_t(storage[std::size_t(k)])];
-    x[k] = e.initial ? *e.initial : e.kind == 'C' ? node(e.nodes[0]) - node(e.nodes[1]) : 0;  // else a current, or off
+    x[k] = e.initial ? *e.initial : e.kind == 'C' ? node(e.nodes[0]) - node(e.nodes[1]) : 0;  // else a current
   }
   return x;
 }
@@ -154,12 +163,22 @@ Vector given_start(const Netlist& netlist, const Reduction& r, const Vector& u, 
   return x - r.H * u;
 }
 
+bool begins_on(const Element& e) { return e.initial && *e.initial != 0; }
+
+/// u(0), modes included.
+Vector sources_at_start(const Netlist& netlist, const Reduction& r, const TimeFunction& sources) {
+  Vector u(r.sources);
+  const Index memories = Index(r.memories.size());
+  sources(0, u.head(r.sources - memories));
+  for (Index k = 0; k < memories; ++k)
+    u[r.sources - memories + k] = begins_on(netlist.elements[std::size_t(r.memories[std::size_t(k)])]) ? 1 : 0;
+  return u;
+}
+
 Vector start(const Netlist& netlist, const Reduction& r, const Vector& u, const std::string& file,
              std::vector<std::string>& notes) {
   if (netlist.use_initial) return given_start(netlist, r, u, notes);
-  const Index n = Index(r.pairs.size()) - r.guards;  // guards see, and are not seen
-  const Rows N = r.w.z.topRows(n), M = columns(r.w.y.topRows(n), 0, n);
-  const auto rest = operating_point(r.A, columns(r.B, 0, n), r.F * u, N, M, Vector(r.w.u * u).head(n), netlist.stop);
+  const auto rest = operating_point(r.A, r.B, r.F * u, r.w.z, r.w.y, r.w.u * u, netlist.stop);
   if (!rest)
     throw Error(file, "there is no operating point to start from: the sources at t = 0 bring the circuit to no rest",
                 "add uic to .tran, with IC= where the start is not zero");
@@ -187,7 +206,44 @@ void add_elements(const Netlist& netlist, Circuit& c) {
 
 void add_outputs(const Reduction& r, Circuit& c) {
   for (const std::string& name : r.outputs) c.outputs.push_back({name, name[0] == 'V' ? "V" : "A"});
-  c.of_x = r.of_outputs.z, c.of_y = r.of_outputs.y, c.of_u = r.of_outputs.u, c.of_slope = r.of_outputs.slope;
+  c.of_x = r.of_outputs.z, c.of_y = r.of_outputs.y;
+  c.of_u = of_sources(r.of_outputs.u, r), c.of_slope = of_sources(r.of_outputs.slope, r);
+  c.of_modes = of_modes(r.of_outputs.u, r);
+}
+
+// Off adds nothing.
+void add_memories(const Netlist& netlist, const Reduction& r, const std::shared_ptr<const std::vector<Waveform>>& u,
+                  const std::string& file, Scene& s) {
+  if (!r.memories.empty() && !s.dynamics->small_state())
+    throw Error(file,
+                fmt::format("{} is controlled by the state, and there are {} states",
+                            netlist.elements[std::size_t(r.memories[0])].name, r.states.size()),
+                "make the circuit smaller, or control the switch by independent sources");
+  const Index m = s.states(), memories = Index(r.memories.size());
+  const auto constant = [](const Vector& value) -> TimeFunction {
+    if (value.isZero(0)) return {};
+    return [value](double, Eigen::Ref<Vector> at) { at = value; };
+  };
+  const Matrix f = Matrix(of_modes(r.F, r)), g = Matrix(of_modes(r.w.u, r));
+  for (std::size_t k = 0; k < r.memories.size(); ++k) {
+    const Element& e = netlist.elements[std::size_t(r.memories[k])];
+    const auto condition = [&](Index row) {
+      const auto of = [row](const Rows& all) { return Rows(all.middleRows(row, 1)); };
+      const auto entries = [&](const Rows& all) { return Vector(Matrix(of(all)).transpose()); };
+      return Memory::Condition{
+          .x = (Vector(m + memories) << entries(r.conditions.z), entries(of_modes(r.conditions.u, r))).finished(),
+          .y = entries(r.conditions.y),
+          .time = combination(of(of_sources(r.conditions.u, r)), of(of_sources(r.conditions.slope, r)), u)};
+    };
+    const Index off = 2 * Index(k);
+    s.memories.push_back({.name = e.name,
+                          .modes = {{.name = "off", .leave = {{.to = "on", .when = {condition(off)}}}},
+                                    {.name = "on",
+                                     .f = constant(f.col(Index(k))),
+                                     .g = constant(g.col(Index(k))),
+                                     .leave = {{.to = "off", .when = {condition(off + 1)}}}}},
+                          .start = begins_on(e) ? "on" : "off"});
+  }
 }
 
 /// Small systems are dense: located switches need it.
@@ -241,37 +297,27 @@ Circuit make_circuit(const Netlist& netlist, const std::string& file) {
   }
   c.u = all_values(u, &Waveform::value);
   c.slope = all_values(u, &Waveform::slope);
-  c.sources = r.sources;
+  c.sources = Index(u->size());
   for (const Waveform& one : *u) {
     const std::vector<double> own = one.breakpoints(netlist.stop);
     c.kinks.insert(c.kinks.end(), own.begin(), own.end());
   }
-  Vector at_start(r.sources);
-  c.u(0, at_start);
   Scene& s = c.scene;
   s.name = netlist.title.empty() ? file : netlist.title;
   s.T = netlist.stop;
   set_matrices(r, s);
-  if (r.A.rows() > 0) s.f = combination(r.F, Rows(m, r.sources), u);
-  s.g = combination(r.w.u, r.w.slope, u);
+  if (r.A.rows() > 0) s.f = combination(of_sources(r.F, r), Rows(m, c.sources), u);
+  s.g = combination(of_sources(r.w.u, r), of_sources(r.w.slope, r), u);
   s.time_unit = "s";
-  s.breakpoints = breakpoints(r.F, r.w, *u, s.T);
+  s.breakpoints = breakpoints(r, *u, s.T);
   s.breakpoints_are_all = true;
   c.notes = netlist.notes;
   c.notes.insert(c.notes.end(), r.notes.begin(), r.notes.end());
   if (netlist.periodic)
     s.boundary = BoundaryCondition{Matrix::Identity(m, m), -Matrix::Identity(m, m), Vector::Zero(m)};
   else
-    s.x0 = r.A.rows() > 0 ? start(netlist, r, at_start, file, c.notes) : Vector::Zero(1);
-  for (const circuits::Memory& memory : r.memories) {
-    s.resets.push_back({memory.set, memory.state, 1});
-    s.resets.push_back({memory.reset, memory.state, 0});
-  }
-  if (!r.memories.empty() && !s.dynamics->small_state())
-    throw Error(file,
-                fmt::format("{} is controlled by the state, and there are {} states",
-                            netlist.elements[std::size_t(r.memories[0].element)].name, r.states.size()),
-                "make the circuit smaller, or control the switch by independent sources");
+    s.x0 = r.A.rows() > 0 ? start(netlist, r, sources_at_start(netlist, r, c.u), file, c.notes) : Vector::Zero(1);
+  add_memories(netlist, r, u, file, s);
   s.names.x = r.states;
   if (r.states.empty()) s.names.x = {"none"};
   const auto unit = [](const std::string& state) {
@@ -337,6 +383,7 @@ RowMatrix output_values(const Circuit& c, const Result& r) {
   if (c.of_x.cols() == m) values += r.x * c.of_x.transpose();
   values += u * c.of_u.transpose();
   values += slope * c.of_slope.transpose();
+  if (c.of_modes.cols() > 0 && c.of_modes.cols() == r.modes.cols()) values += r.modes * c.of_modes.transpose();
   if (c.of_y.cols() == r.y.cols()) values += r.y * c.of_y.transpose();
   return values;
 }

@@ -7,6 +7,7 @@
 // x       voltages of capacitors and currents of inductors, without those that the others determine (excess elements)
 // y, w    of a diode its current and its blocked voltage beyond the line v = V* + R' i; of a switch two multipliers
 // u       sources: 1, the independent ones, and the bounds of gated switches
+// modes   of switches that the circuit controls, and of thyristors: 0 off, 1 on. They are the memories of the scene
 //
 // Ideal elements: diodes are two straight lines, switches two resistances, and junctions have no capacitance.
 
@@ -64,8 +65,8 @@ struct MeasureCard {
 
 struct Circuit {
   Scene scene;
-  std::vector<CircuitOutput> outputs;       ///< V of all nodes, then I of all elements
-  SparseMatrix of_x, of_y, of_u, of_slope;  ///< a row for each output, over (x, y, u, u')
+  std::vector<CircuitOutput> outputs;                 ///< V of all nodes, then I of all elements
+  SparseMatrix of_x, of_y, of_u, of_slope, of_modes;  ///< a row for each output, over (x, y, u, u', modes)
   std::vector<CircuitElement> elements;
   std::vector<CircuitStore> stores;
   TimeFunction u, slope;           ///< k values each

@@ -33,6 +33,8 @@ std::vector<Dependence> dependences(const Netlist& netlist, const NormalTree& tr
   const Index states = Index(names.size());
   names.resize(std::size_t(states + r.sources));
   for (std::size_t k = 0; k < r.inputs.size(); ++k) names[std::size_t(states) + 1 + k] = element(r.inputs[k]).name;
+  for (std::size_t k = 0; k < r.memories.size(); ++k)
+    names[names.size() - r.memories.size() + k] = element(r.memories[k]).name;
   std::vector<Dependence> found;
   for (std::size_t k = 0; k < r.excess.size(); ++k) {
     const Element& e = element(r.excess[k]);

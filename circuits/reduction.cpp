@@ -23,6 +23,7 @@ class Reducer {
  public:
   Reducer(const Netlist& netlist, const std::vector<char>& remembers)
       : netlist_(netlist),
+        remembers_(remembers),
         nodes_(number_nodes(netlist)),
         tree_(normal_tree(netlist, nodes_)),
         s_(number_signals(netlist, tree_, remembers)),
@@ -46,11 +47,13 @@ class Reducer {
     if (network_.singular_node >= 0 || network_.singular_branch >= 0) refuse_singular();
     made_.inputs = s_.inputs;
     made_.sources = s_.sources;
+    made_.memories = s_.memories;
     sum_currents();
     reduce_storage();
     add_gates();
     if (!controlled_.empty()) return {};
     add_pairs();
+    add_conditions();
     add_outputs();
     made_.dependences = dependences(netlist_, tree_, made_);
     for (const Element& e : netlist_.elements)
@@ -62,6 +65,7 @@ class Reducer {
   const Element& element(Index i) const { return netlist_.elements[std::size_t(i)]; }
   const OwnSignals& own(Index i) const { return s_.own[std::size_t(i)]; }
   bool in_tree(Index i) const { return tree_.in_tree[std::size_t(i)] != 0; }
+  bool remembers(Index i) const { return remembers_[std::size_t(i)] != 0; }
   Index node(const Element& e, std::size_t k) const { return nodes_.at(e.nodes[k]); }
 
   [[noreturn]] void refuse_singular() const {
@@ -115,8 +119,7 @@ class Reducer {
   Rows storage_matrix() const {
     Triplets all;
     for (std::size_t k = 0; k < s_.storage.size(); ++k)
-      if (const Element& e = element(s_.storage[k]); e.kind != 'L')
-        all.emplace_back(int(k), int(k), e.kind == 'C' ? e.value : 1);  // x' = 0 of a mode
+      if (const Element& e = element(s_.storage[k]); e.kind == 'C') all.emplace_back(int(k), int(k), e.value);
     for (const WindingGroup& g : tree_.groups)
       for (Index a = 0; a < g.base; ++a)
         for (Index b = 0; b < g.base; ++b) {
@@ -134,11 +137,9 @@ class Reducer {
     made_.storage.assign(s_.storage.begin(), s_.storage.begin() + m);
     made_.excess.assign(s_.storage.begin() + m, s_.storage.end());
     for (const Index i : made_.storage)
-      made_.states.push_back(own(i).guard >= 0
-                                 ? element(i).name + ".on"
-                                 : fmt::format("{}({})", element(i).kind == 'C' ? "V" : "I", element(i).name));
+      made_.states.push_back(fmt::format("{}({})", element(i).kind == 'C' ? "V" : "I", element(i).name));
     const Rows V = rows_of(made_.storage, [&](Index i, const auto& add) {  // the flow d
-      if (own(i).guard < 0) add(element(i).kind == 'C' ? currents_ : voltages_, i, 1);
+      add(element(i).kind == 'C' ? currents_ : voltages_, i, 1);
     });
     Rows S = rows_of(made_.excess, [&](Index i, const auto& add) {  // what is stored
       add(element(i).kind == 'C' ? voltages_ : currents_, i, 1);
@@ -206,9 +207,6 @@ class Reducer {
         add_row(element(i).name, form_of(*element(i).form, element(i)), 0, -1, {{s_.of_y(own(i).y), 1}});
       if (element(i).kind == 'S' || element(i).kind == 'W') add_switch(i);
     }
-    for (Index i = 0; i < Index(netlist_.elements.size()); ++i)
-      if (own(i).guard >= 0) add_guards(i);
-    made_.guards = s_.guards;
     Rows w(Index(made_.pairs.size()), s_.count());
     w.setFromTriplets(pair_rows_.begin(), pair_rows_.end());
     made_.w = forms(w);
@@ -223,7 +221,8 @@ class Reducer {
       add_row(e.name, currents_, i, 1, breaks ? Terms{{y2, 1}} : Terms{});
     } else {
       Terms others{{one, forward}, {y, on}};
-      if (e.thyristor) others.insert(others.end(), {{one, e.thyristor->blocks}, {own(i).signal, -e.thyristor->blocks}});
+      if (e.thyristor)
+        others.insert(others.end(), {{one, e.thyristor->blocks}, {s_.of_u(own(i).source), -e.thyristor->blocks}});
       add_row(e.name, voltages_, i, -1, others);
     }
     if (breaks) add_row(e.name + ".reverse", voltages_, i, 1, {{one, e.diode.reverse}, {y2, e.diode.on_reverse}});
@@ -233,12 +232,12 @@ class Reducer {
   void add_switch(Index i) {
     const Element& e = element(i);
     const Index one = s_.of_u(0), y = s_.of_y(own(i).y), y2 = s_.of_y(own(i).y2);
-    const bool tree_form = opens(e) && in_tree(i), remembers = own(i).guard >= 0;
+    const bool tree_form = opens(e) && in_tree(i);
     const Rows& of = tree_form ? currents_ : voltages_;
     const double on = tree_form ? 0 : e.gate.on;
     const auto [open, closed] = tree_form ? std::pair(leak, bound) : std::pair(bound, 0.0);
-    Terms limit{{s_.of_u(own(i).source), 1}};
-    if (remembers) limit = {{one, open}, {own(i).signal, closed - open}};
+    const Index source = s_.of_u(own(i).source);
+    const Terms limit = remembers(i) ? Terms{{one, open}, {source, closed - open}} : Terms{{source, 1}};
     const auto with = [&](double sign) {
       Terms terms = limit;
       terms.insert(terms.end(), {{y, sign * on}, {y2, -sign * on}});
@@ -248,20 +247,25 @@ class Reducer {
     add_row(e.name + ".q", of, i, 1, with(-1));
   }
 
-  // Above `close` the mode is set, below `open` it is reset: w = close - signal and signal - open, which nothing sees.
-  void add_guards(Index i) {
-    const Element& e = element(i);
-    const Index one = s_.of_u(0), set = own(i).guard;
-    const double scale = e.thyristor ? 1 / e.thyristor->gate : 1;
-    const double close = e.thyristor ? 1 : e.gate.threshold + e.gate.hysteresis,
-                 open = e.thyristor ? 1 : e.gate.threshold - e.gate.hysteresis;
-    const Rows signal = control_of(e);
-    for (const double sign : {-1.0, 1.0}) {
-      Terms others{{one, sign < 0 ? close : -open}, {s_.of_y(sign < 0 ? set : set + 1), 1}};
-      if (e.thyristor) others.emplace_back(s_.of_y(own(i).y), sign / e.thyristor->holding);
-      add_row(e.name + (sign < 0 ? ".set" : ".reset"), signal, 0, sign * scale, others);
+  // On above `close`, off below `open`: signal - close and open - signal.
+  void add_conditions() {
+    Rows all(0, s_.count());
+    for (const Index i : s_.memories) {
+      const Element& e = element(i);
+      Rows signal = control_of(e);
+      double close = e.gate.threshold + e.gate.hysteresis, open = e.gate.threshold - e.gate.hysteresis;
+      if (e.thyristor) {
+        close = open = 1;
+        signal /= e.thyristor->gate;
+        signal.coeffRef(0, s_.of_y(own(i).y)) += 1 / e.thyristor->holding;
+      }
+      for (const auto& [sign, threshold] : {std::pair(1.0, close), {-1.0, open}}) {
+        Rows condition = sign * signal;
+        condition.coeffRef(0, s_.of_u(0)) -= sign * threshold;
+        all = below(all, condition);
+      }
     }
-    made_.memories.push_back({i, own(i).storage, set, set + 1});
+    made_.conditions = forms(all);
   }
 
   Rows form_of(const LinearForm& form, const Element& e) const {
@@ -291,7 +295,7 @@ class Reducer {
     const Index gates = Index(made_.inputs.size()) + 1;  // sources behind this number are bounds of gates
     for (Index i = 0; i < Index(netlist_.elements.size()); ++i) {
       const Element& e = element(i);
-      if ((e.kind != 'S' && e.kind != 'W' && e.kind != 'U') || own(i).guard >= 0) continue;
+      if ((e.kind != 'S' && e.kind != 'W' && e.kind != 'U') || remembers(i)) continue;
       Gate gate{i, own(i).source, leak, bound, {}};
       double of_sources = 0, of_others = 0;
       const Rows control = control_of(e);
@@ -328,6 +332,7 @@ class Reducer {
   }
 
   const Netlist& netlist_;
+  const std::vector<char>& remembers_;
   std::map<std::string, Index> nodes_;
   NormalTree tree_;
   Signals s_;

@@ -31,13 +31,6 @@ struct Gate {
   Terms control;        ///< the control signal over u
 };
 
-/// A switch or a thyristor whose mode is a state, 0 or 1.
-struct Memory {
-  Index element = 0;
-  Index state = 0;       ///< among x
-  Index set, reset = 0;  ///< pairs, guards: the state becomes 1 and 0 where they fall below 0
-};
-
 /// An element whose voltage or current the others determine.
 struct Dependence {
   enum Kind : char { loop, cutset, winding } kind;  ///< of capacitors and voltages; of inductors and currents
@@ -49,7 +42,7 @@ struct Reduction {
   std::vector<std::string> pairs;   ///< of the element, "D1", "S1.p"
   Forms w;                          ///< one row a pair
   std::vector<std::string> states;  ///< "V(C1)", "I(L1)"
-  std::vector<Index> storage;       ///< elements of the states; those of modes with memory last
+  std::vector<Index> storage;       ///< elements of the states
   Rows H;                           ///< x = z + H u
   std::vector<Index> excess;        ///< elements that store as others do: s = P x + Q u
   Rows P, Q;
@@ -57,8 +50,8 @@ struct Reduction {
   std::vector<Index> inputs;  ///< elements of the sources u_1, ..., in this order; gates behind
   Index sources = 0;          ///< length of u
   std::vector<Gate> gates;
-  std::vector<Memory> memories;
-  Index guards = 0;                  ///< the last pairs
+  std::vector<Index> memories;       ///< switches and thyristors with modes; the last of u, 0 off and 1 on
+  Forms conditions;                  ///< two rows each: off is left where the first is positive, on where the second is
   std::vector<std::string> outputs;  ///< V of all nodes but ground, then I of all elements
   Forms of_outputs;
   std::vector<Dependence> dependences;

@@ -22,14 +22,11 @@ Signals number_signals(const Netlist& netlist, const NormalTree& tree, const std
     if (e.kind == 'P') own.y = s.pairs++;
     if (e.kind == 'V' || e.kind == 'I') own.source = s.sources++, s.inputs.push_back(Index(i));
   }
-  for (std::size_t i = 0; i < count; ++i) {
-    if (remembers[i]) {
-      s.own[i].guard = s.pairs, s.pairs += 2, s.guards += 2;
-      s.storage.push_back(Index(i));
-    } else if (std::string("SWU").find(netlist.elements[i].kind) != std::string::npos) {
+  for (std::size_t i = 0; i < count; ++i)
+    if (!remembers[i] && std::string("SWU").find(netlist.elements[i].kind) != std::string::npos)
       s.own[i].source = s.sources++;
-    }
-  }
+  for (std::size_t i = 0; i < count; ++i)
+    if (remembers[i]) s.own[i].source = s.sources++, s.memories.push_back(Index(i));
   s.states = Index(s.storage.size());
   s.excess = Index(excess.size());
   s.storage.insert(s.storage.end(), excess.begin(), excess.end());

@@ -13,22 +13,21 @@ struct OwnSignals {
   Index signal = -1;      ///< x, or d of an element in excess
   Index y = -1, y2 = -1;  ///< among the multipliers
   Index source = -1;      ///< among u
-  Index guard = -1;       ///< among the multipliers, of a mode with memory: it is set there, and reset by the next one
 };
 
 struct Signals {
   std::vector<OwnSignals> own;  ///< by element
-  std::vector<Index> storage;   ///< elements: those of the states, modes with memory last, then those in excess
+  std::vector<Index> storage;   ///< elements: those of the states, then those in excess
   std::vector<Index> inputs;    ///< elements V and I; their u are 1, 2, ...
+  std::vector<Index> memories;  ///< elements with modes; their u are the last, 0 off and 1 on
   Index states = 0, pairs = 0, excess = 0;
-  Index guards = 0;   ///< the last pairs
   Index sources = 1;  ///< u_0 is the constant 1; bounds of gates are behind the inputs
   Index count() const { return states + pairs + sources + excess; }
   Index of_y(Index i) const { return states + i; }
   Index of_u(Index i) const { return states + pairs + i; }
 };
 
-/// `remembers`: of switches, whether their mode is a state, 0 or 1, that the circuit sets and resets.
+/// `remembers`: of switches, whether the circuit changes their mode.
 Signals number_signals(const Netlist&, const NormalTree&, const std::vector<char>& remembers);
 
 }  // namespace bromwich::circuits

@@ -39,6 +39,8 @@ class SmallSignals {
     if (!c.scene.boundary || result.status != Status::solved || result.start.size() != c.scene.states())
       throw Error(where, "needs the solved periodic state of a netlist", "solve scene.periodic(), or with --periodic");
     start_ = result.start;
+    for (std::size_t k = 0; k < c.scene.memories.size(); ++k)
+      modes_.push_back(c.scene.memories[k].modes[std::size_t(result.modes(0, Index(k)))].name);
     look_at_sizes(result);
     differentiate_by_states();
   }
@@ -97,7 +99,7 @@ class SmallSignals {
     steps_ = Vector::Zero(start_.size());
     for (Index k = 0; k < start_.size(); ++k) {
       const std::string& unit = circuit_.scene.units.x[std::size_t(k)];
-      if (!unit.empty()) steps_[k] = size(unit == "V");  // a mode with memory has no small change
+      if (!unit.empty()) steps_[k] = size(unit == "V");  // no states: one that stays 0
     }
     if (!(amplitude_ > 0)) throw Error(where_, "the circuit is at rest", "give its sources values");
   }
@@ -105,6 +107,7 @@ class SmallSignals {
   Solved solved(Circuit c, const Vector& x0) const {
     c.scene.boundary.reset();
     c.scene.x0 = x0;
+    for (std::size_t k = 0; k < modes_.size(); ++k) c.scene.memories[k].start = modes_[k];
     Options options;
     options.method = Method::events;
     options.steps = 16;
@@ -153,6 +156,7 @@ class SmallSignals {
   const std::string& where_;
   const std::size_t element_;
   Vector start_, steps_;
+  std::vector<std::string> modes_;  ///< with which the period begins
   double amplitude_ = 0;
   Matrix D_;
   std::vector<Solved> by_state_;

@@ -21,7 +21,7 @@ constexpr double rounding_defect = 3e-13;
 constexpr int idle_events = 40;      ///< events within a short time that count as accumulated
 constexpr double idle_share = 1e-7;  ///< of T: that time
 constexpr int most_accumulations = 200;
-constexpr int most_resets_at_once = 32;
+constexpr int most_changes_at_once = 32;
 constexpr const char* lost_sign = "terms of y cancel so far that rounding decides its sign";
 constexpr std::size_t most_stored = 60000000;  ///< numbers in the pieces
 
@@ -135,11 +135,11 @@ class EventIntegration {
   bool continue_with(const std::optional<std::vector<Index>>& likely, bool y_is_known) {
     const Vector before = at_.y;
     const double t = at_.t;
-    std::vector<Index> reset;
+    std::vector<Index> set;
     EventPoint here = at_;
     Successor::Choice next = choose(likely, y_is_known);
-    for (int k = 0; next.mode && do_resets(*next.mode, here, reset); ++k) {
-      if (k == most_resets_at_once) return give_up("modes with memory change without end");
+    for (int k = 0; next.mode && change_modes(*next.mode, here, set); ++k) {
+      if (k == most_changes_at_once) return give_up("modes with memory change without end");
       at_ = here;
       regime_ = &regimes_.of(at_.x);
       if (!note_regime()) return false;
@@ -153,10 +153,10 @@ class EventIntegration {
     mode_ = next.mode;
     for (const EventImpulse& impulse : next.impulses) note_impulse(impulse.p);
     if (t > 0) note_jump_of_y(before, next.step);
-    if (t > 0 && !reset.empty()) solution_.continuous = false;
+    if (t > 0 && !set.empty()) solution_.continuous = false;
     accept(next.step);
     solution_.pieces.back().impulses = next.impulses;
-    solution_.pieces.back().resets = std::move(reset);
+    solution_.pieces.back().resets = std::move(set);
     pending_event_ = next.step.valid < 1 ? next.step.event : -1;
     return true;
   }
@@ -183,8 +183,8 @@ class EventIntegration {
     return active;
   }
 
-  // Those whose guard the mode finds below 0. False: none changes the state.
-  bool do_resets(const SwitchedMode& mode, EventPoint& p, std::vector<Index>& done) const {
+  // Of memories whose guards the active set finds below 0. False: none changes the state.
+  bool change_modes(const SwitchedMode& mode, EventPoint& p, std::vector<Index>& done) const {
     constexpr double same = 1e-6;
     bool any = false;
     const auto set = [&](Index state, double value) {

@@ -36,11 +36,13 @@ struct RegimeSteps : Regime {
         short_steps(system, sources, all.T),
         steps(system, sources, all.T, limits.span, limits.tolerance, limits.longest),
         successor(system, sources, short_steps, steps, all.T) {
-    const bool same_M = modes.empty() || system.M == to_dense(all.M);
-    const LcpClass lcp_class = same_M ? of_all : selection_class(LcpMatrix(system.M), LcpClass::automatic);
+    const Index n = system.pairs();
+    const Matrix M = system.M.topLeftCorner(n, n);
+    const bool same_M = modes.empty() || M == to_dense(all.M).topLeftCorner(n, n);
+    const LcpClass lcp_class = same_M ? of_all : selection_class(LcpMatrix(M), LcpClass::automatic);
     unique = short_steps.unique(lcp_class);
     enumerates = !unique && system.constraints() <= Successor::most_enumerated;
-    open = !unique && selects_least(lcp_class) && !is_PSD(LcpMatrix(system.M));
+    open = !unique && selects_least(lcp_class) && !is_PSD(LcpMatrix(M));
   }
 };
 

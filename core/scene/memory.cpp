@@ -39,12 +39,13 @@ void validate_function(const std::string& where, const TimeFunction& function, I
   require_finite(where + "(0)", value);
 }
 
-void validate(const Memory::Leave& leave, const Memory& memory, const std::string& where, Index m, Index n) {
+void validate(const Memory::Leave& leave, const Memory& memory, const std::string& where, const Scene& scene) {
+  const Index m = scene.states(), n = scene.constraints(), with_modes = m + Index(scene.memories.size());
   if (mode_named(memory, leave.to) < 0)
     throw Error(where + ".to", "found '" + leave.to + "'", "the modes of " + memory.name + " are " + names_of(memory));
   require_some(where + ".when", Index(leave.when.size()), "condition");
   for (const Condition& c : leave.when) {
-    if (c.x.size() > 0) require_length(where + ".when.x", c.x, m, "one per state");
+    if (c.x.size() > 0 && c.x.size() != with_modes) require_length(where + ".when.x", c.x, m, "one per state");
     if (c.y.size() > 0) require_length(where + ".when.y", c.y, n, "one per constraint");
     require_finite(where + ".when.x", c.x);
     require_finite(where + ".when.y", c.y);
@@ -56,7 +57,8 @@ void validate(const Memory::Leave& leave, const Memory& memory, const std::strin
                   "give a finite value of a state from 0, below " + std::to_string(m));
 }
 
-void validate(const Memory& memory, std::size_t k, Index m, Index n) {
+void validate(const Memory& memory, std::size_t k, const Scene& scene) {
+  const Index m = scene.states(), n = scene.constraints();
   require_some(place_of(k) + ".modes", Index(memory.modes.size()), "mode");
   if (!memory.start.empty() && mode_named(memory, memory.start) < 0)
     throw Error(place_of(k) + ".start", "found '" + memory.start + "'",
@@ -76,7 +78,7 @@ void validate(const Memory& memory, std::size_t k, Index m, Index n) {
       require_finite(where + "." + name, *matrix);
     }
     for (std::size_t l = 0; l < mode.leave.size(); ++l)
-      validate(mode.leave[l], memory, where + ".leave[" + std::to_string(l) + "]", m, n);
+      validate(mode.leave[l], memory, where + ".leave[" + std::to_string(l) + "]", scene);
   }
 }
 
@@ -107,7 +109,7 @@ void validate_memories(const Scene& scene) {
     const Memory& memory = scene.memories[k];
     if (memory.name.empty() || !names.insert(memory.name).second)
       throw Error(place_of(k) + ".name", "found '" + memory.name + "'", "give every memory a name of its own");
-    validate(memory, k, scene.states(), scene.constraints());
+    validate(memory, k, scene);
   }
 }
 

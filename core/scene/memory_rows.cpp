@@ -10,20 +10,29 @@ namespace {
 
 using Condition = Memory::Condition;
 
-// The sum of functions of time; what is behind their values is 0.
-TimeFunction sum(const TimeFunction& a, Index of_a, const TimeFunction& b, Index of_b) {
-  if (!a && !b) return {};
-  return [a, of_a, b, of_b](double t, Eigen::Ref<Vector> value) {
+// The same `width` values, and zeros behind them.
+TimeFunction widened(const TimeFunction& function, Index width) {
+  if (!function) return {};
+  return [function, width](double t, Eigen::Ref<Vector> value) {
     value.setZero();
-    if (a) a(t, value.head(of_a));
-    if (!b) return;
-    Vector more = Vector::Zero(of_b);
-    b(t, more);
-    value.head(of_b) += more;
+    function(t, value.head(width));
   };
 }
 
-TimeFunction widened(const TimeFunction& a, Index of_a) { return sum(a, of_a, {}, 0); }
+// Of functions with as many values.
+TimeFunction sum(std::vector<TimeFunction> all) {
+  std::erase_if(all, [](const TimeFunction& one) { return !one; });
+  if (all.size() < 2) return all.empty() ? TimeFunction() : std::move(all.front());
+  return [all](double t, Eigen::Ref<Vector> value) {
+    Vector one(value.size());
+    value.setZero();
+    for (const TimeFunction& function : all) {
+      one.setZero();
+      function(t, one);
+      value += one;
+    }
+  };
+}
 
 Matrix grown(const Matrix& a, Index rows, Index columns) {
   Matrix larger = Matrix::Zero(rows, columns);
@@ -46,10 +55,9 @@ TimeFunction f_of_states(const Scene& scene) {
 Scene in_modes(const Scene& scene, const std::vector<Index>& modes) {
   Scene made = scene;
   made.memories.clear();
-  const Index m = scene.states(), n = scene.constraints();
   DenseDynamics d = *scene.dynamics->small_state();
   Matrix M = to_dense(scene.M);
-  made.f = f_of_states(scene);
+  std::vector<TimeFunction> f{f_of_states(scene)}, g{scene.g};
   made.f_entry = SourceEntry::state;
   made.F = {};
   for (std::size_t k = 0; k < modes.size(); ++k) {
@@ -57,9 +65,11 @@ Scene in_modes(const Scene& scene, const std::vector<Index>& modes) {
     for (const auto& [all, more] : {std::pair(&d.A, &mode.A), {&d.B, &mode.B}, {&d.N, &mode.N}, {&M, &mode.M}})
       if (more->size() > 0) *all += *more;
     if (mode.M.size() > 0) made.lcp_class = LcpClass::automatic;
-    if (mode.f) made.f = sum(made.f, m, mode.f, m);
-    if (mode.g) made.g = sum(made.g, n, mode.g, n);
+    f.push_back(mode.f);
+    g.push_back(mode.g);
   }
+  made.f = sum(std::move(f));
+  made.g = sum(std::move(g));
   made.dynamics = std::move(d);
   made.M = std::move(M);
   return made;
@@ -76,23 +86,24 @@ const Scene& ScenesInModes::at_row(const RowMatrix& modes, Index row) {
 
 namespace {
 
-// Rows -x . x(t) - y . y(t) - time(t) behind those of the scene: of the modes of one memory `count` from `first` on.
+// Rows -x . x(t) - y . y(t) - time(t) behind those of the scene: of each mode of one memory up to
+// `count` from `first` on.
 struct Guards {
-  Index m, n, states, rows, first, count;
-  Index next = first;
+  Index n, states, rows, first, count;
 
-  void watch(Memory::Mode& mode) {
+  void watch(Memory::Mode& mode) const {
+    Index next = first;
     mode.N = grown(mode.N, rows, states);
     mode.M = grown(mode.M, rows, rows);
     std::vector<std::pair<Index, TimeFunction>> own;
     for (Memory::Leave& leave : mode.leave)
       for (Condition& c : leave.when) {
-        if (c.x.size() > 0) mode.N.row(next).head(m) = -c.x.transpose();
+        if (c.x.size() > 0) mode.N.row(next).head(c.x.size()) = -c.x.transpose();
         if (c.y.size() > 0) mode.M.row(next).head(n) = -c.y.transpose();
         own.emplace_back(next, c.time);
         c = {.guard = next++};
       }
-    // Those of other modes are far from 0.
+    // Those that the mode does not have are far from 0.
     mode.g = [g = mode.g, n = n, first = first, count = count, own](double t, Eigen::Ref<Vector> value) {
       value.setZero();
       if (g) g(t, value.head(n));
@@ -107,11 +118,15 @@ struct Guards {
   }
 };
 
+// The most that one of its modes has.
 Index conditions_of(const Memory& memory) {
-  Index count = 0;
-  for (const Memory::Mode& mode : memory.modes)
+  Index most = 0;
+  for (const Memory::Mode& mode : memory.modes) {
+    Index count = 0;
     for (const Memory::Leave& leave : mode.leave) count += Index(leave.when.size());
-  return count;
+    most = std::max(most, count);
+  }
+  return most;
 }
 
 // The modes start as the scene says. With the condition x(0) = x(T) they are the same at both ends.
@@ -155,7 +170,7 @@ Scene with_memory_rows(const Scene& given) {
     Memory& memory = scene.memories[k];
     memory.state = m + Index(k);
     const Index count = conditions_of(memory);
-    Guards guards{m, n, states, rows, guard, count};
+    const Guards guards{n, states, rows, guard, count};
     for (Memory::Mode& mode : memory.modes) {
       mode.f = widened(mode.f, m);
       if (mode.A.size() > 0) mode.A = grown(mode.A, states, states);

@@ -25,8 +25,9 @@ class ScenesInModes {
   std::map<std::vector<Index>, Scene> made_;
 };
 
-/// The scene with the numbers of the modes as states behind its own, x' = 0, and a guard for each condition behind its
-/// rows (see Reset). Precondition: there are memories, and the dynamics are dense.
+/// The scene with the numbers of the modes as states behind its own, x' = 0, and behind its rows a guard for each
+/// condition that a mode may have: a row w_i that falls below 0 where the condition holds, and that other rows and the
+/// state do not see. Precondition: there are memories, and the dynamics are dense.
 Scene with_memory_rows(const Scene&);
 /// Of such a scene: the modes of a state.
 std::vector<Index> modes_at(const Scene&, const Vector& x);

@@ -21,8 +21,9 @@ TEST(Memories, AnOscillatorWithAHysteresisSwitch) {
   const Circuit c = circuit_of(
       "V1 in 0 5\nR1 in a 10k\nC1 a 0 1u\nR2 a b 999\nS1 b 0 a 0 SH\n.model SH SW(Ron=1 Roff=10g Vt=2.5 Vh=1)\n"
       ".tran 1m 40m uic\n");
-  ASSERT_EQ(c.scene.states(), 2);
-  EXPECT_EQ(c.reduction.states[1], "S1.on");
+  ASSERT_EQ(c.scene.states(), 1);
+  ASSERT_EQ(c.scene.memories.size(), 1u);
+  EXPECT_EQ(c.scene.memories[0].name, "S1");
   const double up = 10e-3, down = 1e-6 / (1 / 10e3 + 1 / 1e3), low = 5 * 1e3 / 11e3;
   const double first = up * std::log(5 / 1.5), rise = up * std::log(3.5 / 1.5),
                fall = down * std::log((3.5 - low) / (1.5 - low));
@@ -44,6 +45,26 @@ TEST(Memories, ACurrentControlledSwitchOpensAFuse) {
   // never above 15 A nor below -25 A: closed from the begin
   const double i = 5 - 3 * std::exp(-5e-3 * 2 / 10e-3);
   EXPECT_NEAR(values(c, 5e-3).at("I(L1)"), i, 1e-5);  // 10 V over Roff
+}
+
+// A switch that the mode of another one controls, and nothing else: it is closed while the other one is open.
+TEST(Memories, AModeThatAnotherOneControls) {
+  const Circuit c = circuit_of(
+      "B1 o 0 V=5-5*schmitt(V(c), 2, 3)\nR1 o c 1k\nC1 c 0 1u IC=2\nB2 p 0 V=7*u(V(o)-2.5)\nR2 p 0 1k\n"
+      ".tran 1u 5m uic\n");
+  ASSERT_EQ(c.scene.memories.size(), 2u);
+  const double way = 1e-3 * std::log(1.5);
+  for (int k = 0; k < 4; ++k) EXPECT_NEAR(values(c, (k + 0.5) * way).at("V(p)"), k % 2 == 0 ? 7 : 0, 1e-12) << k;
+}
+
+// A step of 10 V behind two capacitors in series, 1 uF and 3 uF: the second one jumps by a quarter of it.
+TEST(Memories, ChargeIsKeptWhereAModeChanges) {
+  const Circuit c = circuit_of(
+      "V1 in 0 5\nR0 in a 1k\nC0 a 0 1u IC=0\nB1 o 0 V=10*schmitt(V(a), 1, 3)\nC1 o q 1u\nC2 q 0 3u\nR2 q 0 1k\n"
+      ".tran 1u 5m uic\n");
+  const double step = 1e-3 * std::log(5.0 / 2);
+  EXPECT_NEAR(values(c, step / 2).at("V(q)"), 0, 1e-9);
+  EXPECT_NEAR(values(c, step + 2e-3).at("V(q)"), 2.5 * std::exp(-0.5), 1e-7);
 }
 
 // Half a wave over R, fired at the angle a: I(R1) follows from there to the next zero.

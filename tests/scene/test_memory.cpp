@@ -160,6 +160,34 @@ TEST(Memory, StatesThatAreSet) {
   EXPECT_FALSE(r.continuous);
 }
 
+// A mode whose conditions hold at t = 0 is left at once.
+TEST(Memory, BeginsInTheModeThatConditionsAskFor) {
+  Scene scene = thermostat();
+  scene.x0 = Vector{{0.5}};
+  scene.T = 0.2;
+  const Result r = solved(scene);
+  ASSERT_EQ(r.status, Status::solved) << r.reason;
+  EXPECT_NEAR(at_end(r, 0), 2 - 1.5 * std::exp(-0.2), 1e-9);
+}
+
+// A lamp that is lit while the heater is on: its conditions see the mode of the other memory alone.
+TEST(Memory, ConditionsSeeModes) {
+  Scene scene = thermostat();
+  const auto less_half = [](double sign) -> TimeFunction { return constant(Vector{{-sign / 2}}); };
+  scene.memories.push_back(
+      {.name = "lamp",
+       .modes = {{.name = "dark", .leave = {{"lit", {{.x = Vector{{0, 1, 0}}, .time = less_half(1)}}}}},
+                 {.name = "lit", .leave = {{"dark", {{.x = Vector{{0, -1, 0}}, .time = less_half(-1)}}}}}}});
+  const Result r = solved(scene);
+  ASSERT_EQ(r.status, Status::solved) << r.reason;
+  ASSERT_EQ(r.mode_changes.size(), 10u);
+  for (std::size_t k = 0; k < 10; ++k) {
+    EXPECT_NEAR(r.mode_changes[k].t, double(k / 2 + 1) * std::log(1.1 / 0.9), 1e-10);
+    EXPECT_EQ(r.mode_changes[k].memory, Index(k % 2));
+    EXPECT_EQ(r.mode_changes[k].to, k / 2 % 2 == 0 ? 1 : 0);
+  }
+}
+
 TEST(Memory, OtherMethodsRefuse) {
   for (const Method method : {Method::march, Method::euler, Method::galerkin, Method::goal}) {
     const Result r = run(thermostat(), options_for(method, 10));
@@ -196,9 +224,9 @@ TEST(Memory, MistakesAreNamed) {
   expect(message([](Scene& s) { s.memories[0].modes[0].leave[0].when.clear(); }),
          "memories[0].modes[0].leave[0].when: has no");
   expect(message([](Scene& s) {
-           s.memories[0].modes[0].leave[0].when[0].x = Vector{{1, 2}};
+           s.memories[0].modes[0].leave[0].when[0].x = Vector{{1, 2, 3}};
          }),
-         "memories[0].modes[0].leave[0].when.x: has 2");
+         "memories[0].modes[0].leave[0].when.x: has 3");
   expect(message([](Scene& s) {
            s.memories[0].modes[0].leave[0].set = {{1, 0}};
          }),
