@@ -6,6 +6,7 @@
 #include "circuits/reduction.hpp"
 #include "circuits/windings.hpp"
 #include "core/base/error.hpp"
+#include "core/base/time_function.hpp"
 
 #include <fmt/format.h>
 
@@ -94,11 +95,15 @@ TimeFunction combination(const Rows& of_u, const Rows& of_slope,
   Index at = 0;
   for (const Index k : used) shapes.col(at++) = by_columns.col(k);
   for (const Index k : used_slope) shapes.col(at++) = slopes_by_columns.col(k);
-  const TimeFunction time = [u, used, used_slope](double t, Eigen::Ref<Vector> value) {
+  TimeFunction time = [u, used, used_slope](double t, Eigen::Ref<Vector> value) {
     Index i = 0;
     for (const Index k : used) value[i++] = (*u)[std::size_t(k)].value(t);
     for (const Index k : used_slope) value[i++] = (*u)[std::size_t(k)].slope(t);
   };
+  const auto lines = [&](const std::vector<Index>& all) {
+    return std::all_of(all.begin(), all.end(), [&](Index k) { return (*u)[std::size_t(k)].linear; });
+  };
+  if (lines(used) && lines(used_slope)) time = LinearSource{time};
   return SeparableSource{std::move(shapes), time};
 }
 
@@ -222,7 +227,7 @@ void add_memories(const Netlist& netlist, const Reduction& r, const std::shared_
   const Index m = s.states(), memories = Index(r.memories.size());
   const auto constant = [](const Vector& value) -> TimeFunction {
     if (value.isZero(0)) return {};
-    return [value](double, Eigen::Ref<Vector> at) { at = value; };
+    return SeparableSource{value, one_at_all_times()};
   };
   const Matrix f = Matrix(of_modes(r.F, r)), g = Matrix(of_modes(r.w.u, r));
   for (std::size_t k = 0; k < r.memories.size(); ++k) {

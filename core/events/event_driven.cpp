@@ -133,10 +133,9 @@ class EventIntegration {
 
   // Chooses the active set after an event or a breakpoint, and takes its first step.
   bool continue_with(const std::optional<std::vector<Index>>& likely, bool y_is_known) {
-    const Vector before = at_.y;
     const double t = at_.t;
     std::vector<Index> set;
-    EventPoint here = at_;
+    EventPoint& here = here_ = at_;
     Successor::Choice next = choose(likely, y_is_known);
     for (int k = 0; next.mode && change_modes(*next.mode, here, set); ++k) {
       if (k == most_changes_at_once) return give_up("modes with memory change without end");
@@ -152,18 +151,18 @@ class EventIntegration {
     unknown_ = 0;
     mode_ = next.mode;
     for (const EventImpulse& impulse : next.impulses) note_impulse(impulse.p);
-    if (t > 0) note_jump_of_y(before, next.step);
+    if (t > 0) note_jump_of_y(here.y, *next.step);
     if (t > 0 && !set.empty()) solution_.continuous = false;
-    accept(next.step);
+    accept(*next.step);
     solution_.pieces.back().impulses = next.impulses;
-    solution_.pieces.back().resets = std::move(set);
-    pending_event_ = next.step.valid < 1 ? next.step.event : -1;
+    solution_.pieces.back().set = std::move(set);
+    pending_event_ = next.step->valid < 1 ? next.step->event : -1;
     return true;
   }
 
   Successor::Choice choose(const std::optional<std::vector<Index>>& likely, bool y_is_known) {
     Successor& successor = regime_->successor;
-    const EventPoint here = at_;
+    const EventPoint& here = chosen_from_ = at_;
     Successor::Choice next =
         regime_->enumerates ? successor.choose_among_all(at_) : successor.choose(at_, y_is_known, likely);
     if (!next.mode && !regime_->enumerates && n_ <= Successor::most_enumerated) {
@@ -195,8 +194,6 @@ class EventIntegration {
       any = true;
     };
     const auto holds = [&](Index guard) { return std::binary_search(mode.active.begin(), mode.active.end(), guard); };
-    for (const Reset& r : scene_.resets)
-      if (holds(r.guard)) set(r.state, r.value);
     for (std::size_t k = 0; k < scene_.memories.size(); ++k) {
       const Memory& memory = scene_.memories[k];
       for (const Memory::Leave& leave : memory.modes[std::size_t(regime_->modes[k])].leave) {
@@ -335,7 +332,7 @@ class EventIntegration {
         continue;
       }
       if (pending_event_ < 0) {
-        EventStep step;
+        EventStep& step = step_;
         if (!regime_->steps.resolve(*mode_, at_, step))
           return give_up(regime_->steps.sign_is_lost() ? lost_sign : "a step could not be resolved");
         if (step.valid > 0) accept(step);
@@ -362,7 +359,8 @@ class EventIntegration {
   const Index m_, n_;
   RegimesOfScene regimes_;
   RegimeSteps* regime_;
-  EventPoint at_;
+  EventPoint at_, here_, chosen_from_;
+  EventStep step_;
   const SwitchedMode* mode_ = nullptr;
   std::map<const SwitchedMode*, const SwitchedMode*> followers_;  ///< at the last breakpoint behind each mode
   Index pending_event_ = -1;                                      ///< the component that ended the last step

@@ -11,17 +11,17 @@ namespace {
 // t is known to its last digit: on a step far shorter than t, such as the edge of a pulse, a steep source shows this.
 // Rounding of t and of what is computed from it, such as the place in a period: 4 eps t; times the slope 2 / h of a
 // coefficient; times 4 for the coefficients of rounded values. Last coefficients that are no larger become zero.
-Vector drop_rounding_of_time(double t, double h, LegendreCoefficients& c) {
+void drop_rounding_of_time(double t, double h, LegendreCoefficients& c, Vector& unknown) {
   constexpr double seen = 1e-12;  // of a step: rounding of t below is not looked for
   const double rounding = 32 * epsilon * (t + h) / h;
-  Vector unknown = Vector::Zero(c.cols());
-  if (rounding < 32 * seen) return unknown;
+  if (rounding < 32 * seen) return;
   for (Index i = 0; i < c.cols(); ++i) {
     unknown[i] = rounding * c.col(i).tail(c.rows() - 1).cwiseAbs().sum();
     for (Index k = c.rows() - 1; k > 0 && std::abs(c(k, i)) <= unknown[i]; --k) c(k, i) = 0;
   }
-  return unknown;
 }
+
+bool bends(const TimeFunction& source) { return source && !source.linear(); }
 
 constexpr double inside = 1e-11;  ///< of T: a jump at an end of the step, known to rounding, is not on the step
 
@@ -44,6 +44,8 @@ EventSources::EventSources(const Scene& scene, std::shared_ptr<SourceLooks> look
       looks_(looks ? std::move(looks) : std::make_shared<SourceLooks>()) {
   if (scene.f && scene.f_entry != SourceEntry::state) F_ = source_matrix(scene, *scene.dynamics->small_state());
 }
+
+bool EventSources::may_bend() const { return bends(scene_.f) || bends(scene_.g); }
 
 void EventSources::value_of_f(double t, Vector& value) const {
   value.setZero(scene_.f ? scene_.sources() : m_);
@@ -70,13 +72,29 @@ Vector EventSources::g(double t) const {
 }
 
 EventSources::Polynomials EventSources::sample(double t, double h) const {
+  Polynomials p;
+  sample(t, h, p);
+  return p;
+}
+
+void EventSources::sample(double t, double h, Polynomials& p) const {
   const Collocation& c = Collocation::get();
   Vector value;
-  const auto one = [&](bool given, Index width, const auto& evaluate, LegendreCoefficients& coefficients, Vector& off,
-                       Vector& unknown) {
-    off = unknown = Vector::Zero(width);
+  const auto one = [&](const TimeFunction& given, Index width, const auto& evaluate, LegendreCoefficients& coefficients,
+                       Vector& off, Vector& unknown) {
+    off.setZero(width);
+    unknown.setZero(width);
     coefficients.setZero(c.samples.size(), width);
     if (!given) return;
+    if (given.linear()) {
+      evaluate(t + h / 4);
+      coefficients.row(0) = value.transpose();
+      evaluate(t + 3 * h / 4);
+      coefficients.row(1) = value.transpose() - coefficients.row(0);
+      coefficients.row(0) += coefficients.row(1) / 2;
+      drop_rounding_of_time(t, h, coefficients, unknown);
+      return;
+    }
     LegendreCoefficients values(c.samples.size(), width);
     for (Index k = 0; k < c.samples.size(); ++k) {
       evaluate(t + h * c.samples[k]);
@@ -84,28 +102,26 @@ EventSources::Polynomials EventSources::sample(double t, double h) const {
     }
     const LegendreCoefficients exact = c.from_samples * values;
     coefficients = exact;
-    unknown = drop_rounding_of_time(t, h, coefficients);
+    drop_rounding_of_time(t, h, coefficients, unknown);
     for (Index k = 0; k < c.checks.size(); ++k) {
       evaluate(t + h * c.checks[k]);
       see(off, value, exact, c.at_checks.row(k).transpose(), unknown);
     }
   };
-  Polynomials p;
   one(
-      bool(scene_.f), m_, [&](double at) { value_of_f(at, value); }, p.f, p.off_f, p.unknown_f);
+      scene_.f, m_, [&](double at) { value_of_f(at, value); }, p.f, p.off_f, p.unknown_f);
   one(
-      bool(scene_.g), n_, [&](double at) { value_of_g(at, value); }, p.g, p.off_g, p.unknown_g);
-  return p;
+      scene_.g, n_, [&](double at) { value_of_g(at, value); }, p.g, p.off_g, p.unknown_g);
 }
 
 void EventSources::look(double t, double h, double at, Polynomials& p) const {
   const LegendreValues there = legendre(at);
   Vector value;
-  if (scene_.f) {
+  if (bends(scene_.f)) {
     value_of_f(t + h * at, value);
     see(p.off_f, value, p.f, there, p.unknown_f);
   }
-  if (scene_.g) {
+  if (bends(scene_.g)) {
     value_of_g(t + h * at, value);
     see(p.off_g, value, p.g, there, p.unknown_g);
   }
@@ -122,16 +138,16 @@ void EventSources::look_up(Index k, double at_time) const {
   SourceLooks& l = *looks_;
   if (l.known.empty()) {
     l.known.assign(SourceLooks::count, 0);
-    l.f.resize(scene_.f ? SourceLooks::count : 0, m_);
-    l.g.resize(scene_.g ? SourceLooks::count : 0, n_);
+    l.f.resize(bends(scene_.f) ? SourceLooks::count : 0, m_);
+    l.g.resize(bends(scene_.g) ? SourceLooks::count : 0, n_);
   }
   if (l.known[std::size_t(k)]) return;
   Vector value;
-  if (scene_.f) {
+  if (bends(scene_.f)) {
     value_of_f(at_time, value);
     l.f.row(k) = value.transpose();
   }
-  if (scene_.g) {
+  if (bends(scene_.g)) {
     value_of_g(at_time, value);
     l.g.row(k) = value.transpose();
   }
@@ -151,8 +167,8 @@ Index EventSources::look_between(double t, double h, Polynomials& p) const {
     if (!(time > t + margin && time < t + h - margin)) continue;
     look_up(k, time);
     const LegendreValues there = legendre((time - t) / h);
-    if (scene_.f) see(p.off_f, looks_->f.row(k), p.f, there, p.unknown_f);
-    if (scene_.g) see(p.off_g, looks_->g.row(k), p.g, there, p.unknown_g);
+    if (bends(scene_.f)) see(p.off_f, looks_->f.row(k), p.f, there, p.unknown_f);
+    if (bends(scene_.g)) see(p.off_g, looks_->g.row(k), p.g, there, p.unknown_g);
   }
   return last - first + 1;
 }

@@ -26,7 +26,8 @@ class EventSources {
   /// A scene with dense dynamics that outlives the object. `looks`: those of the same f, g and T, or null.
   explicit EventSources(const Scene&, std::shared_ptr<SourceLooks> looks = {});
 
-  bool any() const { return bool(scene_.f) || bool(scene_.g); }
+  /// Of sources that are not known to be lines between breakpoints: a look may find more than the samples.
+  bool may_bend() const;
   Vector f(double t) const;  ///< m values, as x' = A x + B y + f takes them
   Vector g(double t) const;  ///< n values
 
@@ -35,8 +36,9 @@ class EventSources {
     Vector off_f, off_g;          ///< largest differences from the sources that were seen, m and n values
     Vector unknown_f, unknown_g;  ///< differences up to these are rounding of t
   };
-  /// On [t, t + h]; the differences are those at Collocation::checks.
+  /// On [t, t + h], which no breakpoint divides; the differences are those at Collocation::checks.
   Polynomials sample(double t, double h) const;
+  void sample(double t, double h, Polynomials&) const;
   /// Increases the differences to those at both ends: a kink may lie between an end and the next sample.
   void look_at_ends(double t, double h, Polynomials&) const;
   /// Increases the differences to those at the times of SourceLooks: a pulse may lie between the samples. Returns how

@@ -18,12 +18,12 @@ constexpr double of_source = 100;         ///< one value of one component of a s
 constexpr double overhead = 4000;         ///< of a step, likewise
 
 // Coefficients of the part of rows of a jet that does not depend on x.
-LegendreCoefficients without_x(const Jet& rows, const EventStep& p) {
-  LegendreCoefficients sum = p.sources.f * rows.f.transpose() + p.sources.g * rows.g.transpose();
-  if (p.df.size() > 0) sum += p.df * rows.df.transpose();
-  if (p.dg.size() > 0) sum += p.dg * rows.dg.transpose();
-  if (p.ddg.size() > 0) sum += p.ddg * rows.ddg.transpose();
-  return sum;
+void without_x(const Jet& rows, const EventStep& p, LegendreCoefficients& sum) {
+  sum.noalias() = p.sources.f * rows.f.transpose();
+  sum.noalias() += p.sources.g * rows.g.transpose();
+  if (p.df.size() > 0) sum.noalias() += p.df * rows.df.transpose();
+  if (p.dg.size() > 0) sum.noalias() += p.dg * rows.dg.transpose();
+  if (p.ddg.size() > 0) sum.noalias() += p.ddg * rows.ddg.transpose();
 }
 
 // The last two coefficients, or a difference that was seen, relative to the sizes. Coefficients up to `rounding` count
@@ -44,11 +44,11 @@ double tail(const LegendreCoefficients& c, const Vector& size, const Vector& off
 }
 
 // Coefficients of Legendre polynomials bound the values.
-Vector largest(const LegendreCoefficients& c) { return c.cwiseAbs().colwise().sum().transpose(); }
+auto largest(const LegendreCoefficients& c) { return c.cwiseAbs().colwise().sum().transpose(); }
 
-Vector larger(const Vector& before, const LegendreCoefficients& c) {
-  if (c.size() == 0) return before;
-  return before.cwiseMax(largest(c));
+void set_larger(const Vector& before, const LegendreCoefficients& c, Vector& size) {
+  size = before;
+  if (c.size() > 0) size = size.cwiseMax(largest(c));
 }
 
 // d^k/dt^k of polynomials on a step of length h. Within a short step it may be rounding of the values, and is zero
@@ -67,9 +67,9 @@ LegendreCoefficients derivative(const LegendreCoefficients& values, int k, doubl
   return c;
 }
 
-// Bounds the derivatives on [0, 1].
-Vector largest_slope(const LegendreCoefficients& c) {
-  return (Collocation::get().derivative * c).cwiseAbs().colwise().sum().transpose();
+// Bounds the derivatives on [0, 1] times `by`.
+void add_largest_slope(const LegendreCoefficients& c, double by, Vector& sum) {
+  for (Index i = 0; i < c.cols(); ++i) sum[i] += by * (Collocation::get().derivative * c.col(i)).cwiseAbs().sum();
 }
 
 // h (I - hA)^{-1}: how constant inputs move the state in a step of implicit Euler. Fast modes that decay count with the
@@ -92,13 +92,21 @@ bool is_never_above(const LegendreValues& coefficients, double at, double zero) 
 
 }  // namespace
 
-EventSizes EventSizes::with(const EventStep& step) const {
-  return {{larger(u.x, step.x), larger(u.f, step.sources.f), larger(u.df, step.df), larger(u.g, step.sources.g),
-           larger(u.dg, step.dg), larger(u.ddg, step.ddg)},
-          larger(y, step.y)};
+void EventSizes::set_with(const EventSizes& before, const EventStep& step) {
+  set_larger(before.u.x, step.x, u.x);
+  set_larger(before.u.f, step.sources.f, u.f);
+  set_larger(before.u.df, step.df, u.df);
+  set_larger(before.u.g, step.sources.g, u.g);
+  set_larger(before.u.dg, step.dg, u.dg);
+  set_larger(before.u.ddg, step.ddg, u.ddg);
+  set_larger(before.y, step.y, y);
 }
 
-void EventSizes::include(const EventStep& step) { *this = with(step); }
+EventSizes EventSizes::with(const EventStep& step) const {
+  EventSizes all;
+  all.set_with(*this, step);
+  return all;
+}
 
 EventSteps::EventSteps(const SystemMatrices& system, const EventSources& sources, double T, double span,
                        double tolerance, double longest)
@@ -122,13 +130,26 @@ EventSteps::EventSteps(const SystemMatrices& system, const EventSources& sources
   by_others_ = system.A(positions_, others_);
 }
 
+// The longest of longest_, 3/4, 1/2, 3/8, 1/4, ... of it that is no longer: lengths that recur, with their propagators.
+double EventSteps::grid_length(double longest) const {
+  const double half = longest_ * std::exp2(std::floor(std::log2(longest / longest_)));
+  return longest >= 1.5 * half ? 1.5 * half : half;
+}
+
+// Up to the next breakpoint, by a time that recurs with it: times are known to rounding.
+double EventSteps::longest_from(const EventPoint& p) const {
+  const double h = std::min(p.h, longest_), rest = p.end - p.t, known = 4 * epsilon * T_;
+  return h < rest ? grid_length(h) : std::max(1.0, std::round(rest / known)) * known;
+}
+
 double EventSteps::noise() const { return noise_share * tolerance_; }
 
 void EventSteps::sample(const SwitchedMode& mode, double t, double h, EventStep& step) const {
-  step.sources = sources_.sample(t, h);
-  if (mode.uses_df) step.df = derivative(step.sources.f, 1, h);
-  if (mode.uses_dg) step.dg = derivative(step.sources.g, 1, h);
-  if (mode.uses_ddg) step.ddg = derivative(step.sources.g, 2, h);
+  sources_.sample(t, h, step.sources);
+  const LegendreCoefficients none;
+  step.df = mode.uses_df ? derivative(step.sources.f, 1, h) : none;
+  step.dg = mode.uses_dg ? derivative(step.sources.g, 1, h) : none;
+  step.ddg = mode.uses_ddg ? derivative(step.sources.g, 2, h) : none;
 }
 
 double EventSteps::sample_resolved(const SwitchedMode& mode, const EventPoint& p, EventStep& step) const {
@@ -149,150 +170,202 @@ double EventSteps::source_defect(const JetValues& size, const EventSources::Poly
 //     [I, -z A_QV; -z A_VQ, I - z A_VV],
 //
 // and that for V alone is I - z A_VV - z^2 A_VQ A_QV.
-void EventSteps::factorize(const SwitchedMode& mode, double h, double& work) {
-  if (factored_mode_ == &mode && factored_h_ == h) return;
-  by_positions_ = mode.A(others_, positions_);
-  const Matrix A = mode.A(others_, others_), twice = by_positions_ * by_others_;
-  factors_.clear();
+EventSteps::Propagator& EventSteps::propagator(const SwitchedMode& mode, double h, double& work) {
+  const auto known = propagators_.find({&mode, h});
+  if (known != propagators_.end()) return known->second;
+  if (propagators_.size() >= most_propagators) propagators_.clear();
+  Propagator& made = propagators_[{&mode, h}];
+  made.by_positions = mode.A(others_, positions_);
+  const Matrix A = mode.A(others_, others_), twice = made.by_positions * by_others_;
   const ComplexMatrix identity = ComplexMatrix::Identity(A.rows(), A.rows());
   for (const auto& e : Collocation::get().eigenvalues) {
     const Complex z = h * e.value;
-    factors_.emplace_back(identity - z * A.cast<Complex>() - (z * z) * twice.cast<Complex>());
+    made.factors.emplace_back(identity - z * A.cast<Complex>() - (z * z) * twice.cast<Complex>());
   }
-  factored_mode_ = &mode;
-  factored_h_ = h;
   work += 12 * std::pow(double(A.rows()), 3);
+  return made;
 }
 
-// (I - z A_S)^{-1} of the right-hand side.
-ComplexVector EventSteps::solve(std::size_t k, const ComplexVector& right) const {
-  const Complex z = factored_h_ * Collocation::get().eigenvalues[k].value;
+// (I - z A_S)^{-1} of the right-hand side, z = h lambda.
+ComplexVector EventSteps::solve(const Propagator& of, Complex z, std::size_t k, const ComplexVector& right) const {
   const ComplexVector of_positions = right(positions_);
-  const ComplexVector others = factors_[k].solve(ComplexVector(right(others_) + z * (by_positions_ * of_positions)));
+  const ComplexVector others =
+      of.factors[k].solve(ComplexVector(right(others_) + z * (of.by_positions * of_positions)));
   ComplexVector all(right.size());
   all(others_) = others;
   all(positions_) = of_positions + z * (by_others_ * others);
   return all;
 }
 
-EventStep EventSteps::attempt(const SwitchedMode& mode, EventPoint& p, double h) {
+// Z = X - x0 with Z' = A_S Z + input. So rounding is relative to the change of x: errors of many short steps would add
+// up otherwise.
+void EventSteps::collocate(const SwitchedMode& mode, double h, const Propagator& of, const LegendreCoefficients& input,
+                           LegendreCoefficients& z) const {
   const Collocation& c = Collocation::get();
-  const Index m = system_.states(), n = system_.constraints();
-  EventStep step;
-  step.length = h;
-  sample(mode, p.t, h, step);
-  const LegendreCoefficients y_of_sources = without_x(mode.y, step);
-  // Z = X - x0, so that rounding is relative to the change of x: errors of many short steps would add up otherwise.
-  LegendreCoefficients input = step.sources.f + y_of_sources * system_.B.transpose();
-  input.row(0) += (mode.A * p.x).transpose();
   using AtStages = Eigen::Matrix<double, degree, Eigen::Dynamic>;
   const AtStages right = h * (c.integrals * input);  // degree x m
-  factorize(mode, h, p.work);
-  AtStages change = AtStages::Zero(degree, m), left = right;
-  step.x.setZero(degree + 1, m);
+  AtStages change = AtStages::Zero(degree, input.cols()), left = right;
   // Twice: the eigenvectors of the Radau matrix are ill-conditioned.
   for (int refined = 0; refined < 2; ++refined) {
-    for (std::size_t k = 0; k < factors_.size(); ++k) {
+    for (std::size_t k = 0; k < of.factors.size(); ++k) {
       const auto& e = c.eigenvalues[k];
-      const ComplexVector z = solve(k, left.transpose().cast<Complex>() * e.left);
-      change += e.weight * (e.right * z.transpose()).real();
+      const ComplexVector at = solve(of, h * e.value, k, left.transpose().cast<Complex>() * e.left);
+      change += e.weight * (e.right * at.transpose()).real();
     }
-    step.x = c.coefficients.rightCols(degree) * change;
-    if (refined == 0) left = right - change + h * (c.integrals * step.x) * mode.A.transpose();
+    z = c.coefficients.rightCols(degree) * change;
+    if (refined == 0) left = right - change + h * (c.integrals * z) * mode.A.transpose();
   }
+}
+
+// The same. Z is linear in the coefficients of the input. Once a propagator has been used as often as it has columns,
+// these are kept: periodic sources that are lines take few of them.
+void EventSteps::propagate(const SwitchedMode& mode, double h, const LegendreCoefficients& input,
+                           LegendreCoefficients& z, double& work) {
+  const Index m = input.cols();
+  Propagator& of = propagator(mode, h, work);
+  Index degrees = input.rows();
+  while (degrees > 1 && (input.row(degrees - 1).array() == 0).all()) --degrees;
+  if (degrees * m > most_columns || of.used++ < degrees * m) return collocate(mode, h, of, input, z);
+  while (Index(of.columns.size()) < degrees) {
+    LegendreCoefficients unit = LegendreCoefficients::Zero(input.rows(), m);
+    Matrix& all = of.columns.emplace_back(input.rows() * m, m);
+    for (Index i = 0; i < m; ++i) {
+      unit(Index(of.columns.size()) - 1, i) = 1;
+      collocate(mode, h, of, unit, z);
+      all.col(i) = z.reshaped();
+      unit.col(i).setZero();
+    }
+  }
+  z.resize(Eigen::NoChange, m);
+  Eigen::Map<Vector> all(z.data(), z.size());
+  all.setZero();
+  for (Index k = 0; k < degrees; ++k) all.noalias() += of.columns[std::size_t(k)] * input.row(k).transpose();
+}
+
+void EventSteps::attempt(const SwitchedMode& mode, EventPoint& p, double h, EventStep& step) {
+  const Collocation& c = Collocation::get();
+  const Index m = system_.states(), n = system_.constraints();
+  step.length = h;
+  sample(mode, p.t, h, step);
+  without_x(mode.y, step, y_of_sources_);
+  input_ = step.sources.f;
+  input_.noalias() += y_of_sources_ * system_.B.transpose();
+  input_.row(0).noalias() += p.x.transpose() * mode.A.transpose();
+  propagate(mode, h, input_, step.x, p.work);
   step.x.row(0) += p.x.transpose();
-  step.y = step.x * mode.y.x.transpose() + y_of_sources;
-  step.w = step.x * system_.N.transpose() + step.y * system_.M.transpose() + step.sources.g;
-  const EventSizes& size = step.sizes = p.sizes.with(step);
+  step.y = y_of_sources_;
+  step.y.noalias() += step.x * mode.y.x.transpose();
+  step.w = step.sources.g;
+  step.w.noalias() += step.x * system_.N.transpose();
+  step.w.noalias() += step.y * system_.M.transpose();
+  step.sizes.set_with(p.sizes, step);
   set_zeros(mode, p, step);
-  step.defect = std::max({tail(step.x, size.u.x, {}, rounding_of_x(size)), source_defect(size.u, step.sources),
+  const JetValues& size = step.sizes.u;
+  step.defect = std::max({tail(step.x, size.x, {}, rounding_of_x(step.sizes)), source_defect(size, step.sources),
                           defect_of_signs(mode, step)});
   p.work +=
       double((degree + 1) * (degree + 1) * (6 * m + 3 * n) + 80 * m * m + (degree + 1) * (4 * m * n + 2 * n * n)) +
       overhead;
   p.work += double(c.samples.size() + c.checks.size()) * work_of_sources();
-  return step;
 }
 
 // Whether the conditions of the mode on f and g hold on the step.
 bool EventSteps::sources_agree(const SwitchedMode& mode, const JetValues& size, const EventStep& step) const {
   if (mode.conditions.g.rows() == 0) return true;
-  const Vector off = without_x(mode.conditions, step).cwiseAbs().colwise().sum().transpose();
+  LegendreCoefficients values;
+  without_x(mode.conditions, step, values);
+  const Vector off = largest(values);
   return !((off - 30 * noise() * terms(mode.condition_terms, size)).array() > 0).any();
 }
 
 // Whether values of y that count as zero move the state between two breakpoints, where their sign is chosen anew, by
 // less than `unseen` of it, or of what y moves: otherwise terms of y cancel so far, by a small entry of M say, that its
 // sign is not known.
-bool EventSteps::y_is_known(const SwitchedMode& mode, const EventStep& step) const {
+bool EventSteps::y_is_known(const EventStep& step) const {
   const JetValues& size = step.sizes.u;
-  const Vector moved = by_y_within_span_ * step.zero_y, by_f = by_f_within_span_ * size.f,
-               by_y = by_y_within_span_ * largest(step.y);
-  return moved.maxCoeff() <= unseen * size.x.cwiseMax(by_f).cwiseMax(by_y).maxCoeff();
+  const auto most = [](const auto& product) { return Vector(product).maxCoeff(); };
+  const double moved = most(by_y_within_span_ * step.zero_y);
+  return moved <= unseen * size.x.maxCoeff() || moved <= unseen * most(by_f_within_span_ * size.f) ||
+         moved <= unseen * most(by_y_within_span_ * Vector(largest(step.y)));
 }
 
 Vector EventSteps::rounding_of_x(const EventSizes& sizes) const {
-  return 64 * epsilon * (by_f_within_step_ * sizes.u.f + by_y_within_step_ * sizes.y);
+  Vector moved = by_f_within_step_ * sizes.u.f;
+  moved.noalias() += by_y_within_step_ * sizes.y;
+  moved *= 64 * epsilon;
+  return moved;
 }
 
 // Negative values that count as zero are of a solution nearby. Where that is another one, with y_i > 0 and w_i = 0,
 // y_i is about -w_i / M_ii. Without M_ii it would move the state, and its error is that of x.
-Vector EventSteps::doubt(const SwitchedMode& mode, const EventStep& step) const {
+void EventSteps::set_doubt(const SwitchedMode& mode, EventStep& step) const {
   const Collocation& c = Collocation::get();
-  Vector off = Vector::Zero(system_.constraints());
+  Vector& off = step.doubt;
+  off.setZero(system_.constraints());
   std::size_t k = 0;
   for (Index i = 0; i < off.size(); ++i) {
     const bool active = k < mode.active.size() && mode.active[k] == i;
     if (active) ++k;
     if (!active && !(system_.M(i, i) > 0)) continue;
-    const Vector values = c.stages * (active ? step.y : step.w).col(i);
+    const Eigen::Matrix<double, degree, 1> values = c.stages * (active ? step.y : step.w).col(i);
     for (Index j = 0; j < values.size() && c.nodes[j] <= step.valid; ++j) off[i] = std::max(off[i], -values[j]);
     off[i] = std::max(0.0, off[i] - (active ? step.rounding_y : step.rounding_w)[i]) / (active ? 1 : system_.M(i, i));
   }
-  return off;
 }
 
 // Rounding of u on a step: of the values there, of x' in a state that its terms hold at zero, and of the derivatives of
 // sources. What has decayed to eps^2 of its largest value is zero.
-JetValues EventSteps::rounding_of(const EventStep& step) const {
+void EventSteps::set_rounding(const EventStep& step) {
   static const double steepest = Collocation::get().derivative.cwiseAbs().colwise().sum().maxCoeff();
   const auto& [f, g, off_f, off_g, unknown_f, unknown_g] = step.sources;
   const double grown = steepest / step.length;
-  JetValues u;
-  u.x = 64 * epsilon * (largest(step.x) + by_f_within_step_ * largest(f) + by_y_within_step_ * largest(step.y)) +
-        epsilon * epsilon * step.sizes.u.x;
-  u.f = 64 * epsilon * largest(f) + unknown_f;
-  u.g = 64 * epsilon * largest(g) + unknown_g;
-  u.df = grown * (4 * epsilon * largest(f) + unknown_f);
-  u.dg = grown * (4 * epsilon * largest(g) + unknown_g);
+  JetValues& u = rounding_;
+  u.f = largest(f);
+  u.g = largest(g);
+  terms_y_ = largest(step.y);
+  u.x = largest(step.x);
+  u.x.noalias() += by_f_within_step_ * u.f;
+  u.x.noalias() += by_y_within_step_ * terms_y_;
+  u.x = 64 * epsilon * u.x + epsilon * epsilon * step.sizes.u.x;
+  u.df = grown * (4 * epsilon * u.f + unknown_f);
+  u.dg = grown * (4 * epsilon * u.g + unknown_g);
   u.ddg = grown * u.dg;
-  return u;
+  u.f = 64 * epsilon * u.f + unknown_f;
+  u.g = 64 * epsilon * u.g + unknown_g;
 }
 
 // What counts as zero of y and w: their rounding, what changes within that of t, and the error of a resolved polynomial
 // beside its own size on the step.
-void EventSteps::set_zeros(const SwitchedMode& mode, const EventPoint& p, EventStep& step) const {
+void EventSteps::set_zeros(const SwitchedMode& mode, const EventPoint& p, EventStep& step) {
   const JetValues& size = step.sizes.u;
-  const JetValues rounding = rounding_of(step);
+  set_rounding(step);
   const double of_t = 4 * epsilon * T_ / step.length;
-  const Vector of_y = terms(mode.y, rounding);
-  step.rounding_y = of_y + of_t * largest_slope(step.y);
-  step.rounding_w =
-      system_.N.cwiseAbs() * rounding.x + system_.M.cwiseAbs() * of_y + rounding.g + of_t * largest_slope(step.w);
+  set_terms(mode.y, rounding_, terms_y_);
+  step.rounding_y = terms_y_;
+  add_largest_slope(step.y, of_t, step.rounding_y);
+  step.rounding_w = rounding_.g;
+  step.rounding_w.noalias() += system_.N.cwiseAbs() * rounding_.x;
+  step.rounding_w.noalias() += system_.M.cwiseAbs() * terms_y_;
+  add_largest_slope(step.w, of_t, step.rounding_w);
   // Of rigid contacts beside the largest terms so far: bounces that are lower end.
-  step.zero_y = step.rounding_y + noise() * (rigid_ ? terms(mode.y, size) : largest(step.y));
-  step.zero_w = step.rounding_w + noise() * (rigid_ ? terms(mode.w, size) : largest(step.w));
-  if (rigid_) return;
+  if (rigid_) {
+    step.zero_y = step.rounding_y + noise() * terms(mode.y, size);
+    step.zero_w = step.rounding_w + noise() * terms(mode.w, size);
+    return;
+  }
+  step.zero_y = step.rounding_y + noise() * largest(step.y);
+  step.zero_w = step.rounding_w + noise() * largest(step.w);
   // w that the mode holds at zero is zero, and what counted as zero at the end of the step before still does.
-  const Vector of_w = largest(step.w);
-  for (const Index i : mode.active) step.zero_w[i] = std::max(step.zero_w[i], of_w[i]);
+  for (const Index i : mode.active) step.zero_w[i] = std::max(step.zero_w[i], step.w.col(i).cwiseAbs().sum());
   if (p.zero_w.size() == 0) return;
   const LegendreValues at = legendre(0);
-  const auto keep = [&at](Vector& zero, const Vector& before, const LegendreCoefficients& values) {
-    zero = zero.cwiseMax(before.cwiseMin(-(values.transpose() * at)));
+  const auto keep = [&at](Vector& zero, const Vector& before, const Vector& rounding,
+                          const LegendreCoefficients& values) {
+    for (Index i = 0; i < zero.size(); ++i)
+      zero[i] = std::max(zero[i], std::min(before[i] + rounding[i], -values.col(i).dot(at)));
   };
-  keep(step.zero_y, p.zero_y + step.rounding_y, step.y);
-  keep(step.zero_w, p.zero_w + step.rounding_w, step.w);
+  keep(step.zero_y, p.zero_y, step.rounding_y, step.y);
+  keep(step.zero_w, p.zero_w, step.rounding_w, step.w);
 }
 
 // Last coefficients of y and w beside their own sizes on the step, where their sign may depend on them.
@@ -321,7 +394,7 @@ void EventSteps::find_event(const SwitchedMode& mode, const std::vector<char>* f
     step.valid = 0;
     step.event = mode.active.front();
     step.at_once = true;
-    step.doubt = Vector::Zero(system_.constraints());
+    step.doubt.setZero(system_.constraints());
     return;
   }
   step.valid = 1;
@@ -345,17 +418,17 @@ void EventSteps::find_event(const SwitchedMode& mode, const std::vector<char>* f
   }
   if (step.event >= 0) step.at_once = is_never_above(of_event, step.valid, zero_of_event);
   if (step.event >= 0 && step.valid > 0) step.valid = zero_before(of_event, step.valid);
-  step.doubt = doubt(mode, step);
+  set_doubt(mode, step);
 }
 
 // Of one value of f and of g.
 double EventSteps::work_of_sources() const {
-  return sources_.any() ? of_source * double(system_.states() + system_.constraints()) : 0;
+  return sources_.may_bend() ? of_source * double(system_.states() + system_.constraints()) : 0;
 }
 
 // Looks at the sources at more times: both ends, and times between the samples of a long step.
 void EventSteps::look_closer(EventPoint& p, EventStep& step) const {
-  if (!sources_.any()) return;
+  if (!sources_.may_bend()) return;
   sources_.look_at_ends(p.t, step.length, step.sources);
   p.work += double(2 + sources_.look_between(p.t, step.length, step.sources)) * work_of_sources();
   step.defect = std::max(step.defect, source_defect(step.sizes.u, step.sources));
@@ -366,7 +439,7 @@ bool EventSteps::resolve(const SwitchedMode& mode, EventPoint& p, EventStep& ste
   double before = INFINITY;
   bool shortened = false;
   for (int k = 0; k < 80; ++k) {
-    step = attempt(mode, p, h);
+    attempt(mode, p, h, step);
     step.shortened = shortened;
     // Where a shorter step does not help, rounding is left: t is known to 1e-16, and sin(1e5 t) to 1e-11. (A transient
     // far shorter than the step stays too, but is larger.)
@@ -374,16 +447,17 @@ bool EventSteps::resolve(const SwitchedMode& mode, EventPoint& p, EventStep& ste
     if (step.defect <= tolerance_) look_closer(p, step);
     if (step.defect <= tolerance_ || rounding) {
       find_event(mode, free, step);
-      const bool known = y_is_known(mode, step);
+      const bool known = y_is_known(step);
       if (!known) sign_is_lost_ = true;
       return known;
     }
     if (h < shortest_share * T_) return false;
     before = step.defect;
     shortened = true;
-    h *= std::isfinite(step.defect)
-             ? std::clamp(0.9 * std::pow(tolerance_ / step.defect, 1.0 / double(degree)), 0.1, 0.7)
-             : 0.1;
+    const double shorter = std::isfinite(step.defect)
+                               ? std::clamp(0.9 * std::pow(tolerance_ / step.defect, 1.0 / double(degree)), 0.1, 0.7)
+                               : 0.1;
+    h = grid_length(shorter * h);
   }
   return false;
 }

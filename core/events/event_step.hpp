@@ -6,6 +6,8 @@
 
 #include <Eigen/LU>
 
+#include <map>
+#include <utility>
 #include <vector>
 
 namespace bromwich {
@@ -17,7 +19,9 @@ struct EventSizes {
   JetValues u;
   Vector y;
 
-  void include(const EventStep&);
+  /// `before` and the step.
+  void set_with(const EventSizes& before, const EventStep&);
+  void include(const EventStep& step) { set_with(*this, step); }
   void include_x(const Vector& x) { u.x = u.x.cwiseMax(x.cwiseAbs()); }
   EventSizes with(const EventStep&) const;
 };
@@ -56,7 +60,7 @@ class EventSteps {
   /// to outlive the object.
   EventSteps(const SystemMatrices&, const EventSources&, double T, double span, double tolerance, double longest);
 
-  double longest_from(const EventPoint& p) const { return std::min({p.h, longest_, p.end - p.t}); }
+  double longest_from(const EventPoint& p) const;
   /// Values below this share of the sum of their terms count as zero.
   double noise() const;
   /// How far a constant |y| moves the state within the longest step: m values.
@@ -74,19 +78,34 @@ class EventSteps {
 
  private:
   void sample(const SwitchedMode&, double t, double h, EventStep&) const;
-  EventStep attempt(const SwitchedMode&, EventPoint&, double h);
+  /// The collocation of steps of one length in one mode.
+  struct Propagator {
+    std::vector<Eigen::PartialPivLU<ComplexMatrix>> factors;  ///< of I - z A_S for z = h lambda, without the positions
+    Matrix by_positions;                                      ///< the rates of the others by positions
+    Index used = 0;
+    std::vector<Matrix> columns;  ///< Z, (s+1) m values, by coefficient k of the input
+  };
+  static constexpr std::size_t most_propagators = 128;
+  static constexpr Index most_columns = 128;
+
+  double grid_length(double longest) const;
+  void attempt(const SwitchedMode&, EventPoint&, double h, EventStep&);
   bool sources_agree(const SwitchedMode&, const JetValues& size, const EventStep&) const;
-  bool y_is_known(const SwitchedMode&, const EventStep&) const;
+  bool y_is_known(const EventStep&) const;
   void find_event(const SwitchedMode&, const std::vector<char>* free, EventStep&) const;
-  JetValues rounding_of(const EventStep&) const;
-  void set_zeros(const SwitchedMode&, const EventPoint&, EventStep&) const;
+  void set_rounding(const EventStep&);
+  void set_zeros(const SwitchedMode&, const EventPoint&, EventStep&);
   double defect_of_signs(const SwitchedMode&, const EventStep&) const;
-  Vector doubt(const SwitchedMode&, const EventStep&) const;
+  void set_doubt(const SwitchedMode&, EventStep&) const;
   void look_closer(EventPoint&, EventStep&) const;
   double work_of_sources() const;
   double source_defect(const JetValues& size, const EventSources::Polynomials&) const;
-  void factorize(const SwitchedMode&, double h, double& work);
-  ComplexVector solve(std::size_t eigenvalue, const ComplexVector& right) const;
+  Propagator& propagator(const SwitchedMode&, double h, double& work);
+  ComplexVector solve(const Propagator&, Complex z, std::size_t eigenvalue, const ComplexVector& right) const;
+  void collocate(const SwitchedMode&, double h, const Propagator&, const LegendreCoefficients& input,
+                 LegendreCoefficients& z) const;
+  void propagate(const SwitchedMode&, double h, const LegendreCoefficients& input, LegendreCoefficients& z,
+                 double& work);
 
   const SystemMatrices& system_;
   const EventSources& sources_;
@@ -96,12 +115,13 @@ class EventSteps {
   Matrix by_f_within_span_, by_y_within_span_, by_f_within_step_, by_y_within_step_;
   /// Positions: y does not act on their rates, nor do they depend on each other. They are eliminated.
   std::vector<Index> positions_, others_;
-  Matrix by_others_, by_positions_;  ///< the rates of positions by the others, and the other way in the mode
-  /// Of I - z A_S for z = h lambda without the positions; kept as long as mode and h stay.
-  std::vector<Eigen::PartialPivLU<ComplexMatrix>> factors_;
-  const SwitchedMode* factored_mode_ = nullptr;
-  double factored_h_ = 0;
+  Matrix by_others_;  ///< the rates of positions by the others
+  std::map<std::pair<const SwitchedMode*, double>, Propagator> propagators_;
   bool sign_is_lost_ = false;
+  // Storage of an attempt.
+  LegendreCoefficients input_, y_of_sources_;
+  JetValues rounding_;
+  Vector terms_y_;
 };
 
 }  // namespace bromwich

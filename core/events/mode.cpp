@@ -71,8 +71,18 @@ Vector evaluate(const Jet& c, const JetValues& u) {
 }
 
 Vector terms(const Jet& c, const JetValues& u) {
-  return c.x.cwiseAbs() * u.x + c.f.cwiseAbs() * u.f + c.df.cwiseAbs() * u.df + c.g.cwiseAbs() * u.g +
-         c.dg.cwiseAbs() * u.dg + c.ddg.cwiseAbs() * u.ddg;
+  Vector sum;
+  set_terms(c, u, sum);
+  return sum;
+}
+
+void set_terms(const Jet& c, const JetValues& u, Vector& sum) {
+  sum.noalias() = c.x.cwiseAbs() * u.x;
+  sum.noalias() += c.f.cwiseAbs() * u.f;
+  sum.noalias() += c.df.cwiseAbs() * u.df;
+  sum.noalias() += c.g.cwiseAbs() * u.g;
+  sum.noalias() += c.dg.cwiseAbs() * u.dg;
+  sum.noalias() += c.ddg.cwiseAbs() * u.ddg;
 }
 
 namespace {

@@ -60,6 +60,7 @@ struct SwitchedMode {
 /// Value of the rows, and the sum of the absolute values of their terms.
 Vector evaluate(const Jet&, const JetValues&);
 Vector terms(const Jet&, const JetValues& sizes);
+void set_terms(const Jet&, const JetValues& sizes, Vector& sum);
 
 /// n values: w_i'' by y_i of rigid contacts, where y_i acts on w_i'' alone and w does not depend on y; 0 elsewhere.
 Vector openings(const SystemMatrices&);

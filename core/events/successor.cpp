@@ -114,10 +114,11 @@ JetValues Successor::sources_at(const SwitchedMode& mode, const EventPoint& p, J
   return {p.x, start(here.sources.f, m), start(here.df, m), start(here.sources.g, n), start(dg, n), start(here.ddg, n)};
 }
 
-// Contacts with w = `offset`, that is 0, that fall back before they are seen to be open: they rest, and an impulse of
-// any sign, as small as that, takes their velocity.
-void Successor::settle(EventPoint& p, const Vector& offset) {
+// Contacts that the state touches and that fall back before they are seen to be open: they rest, and an impulse of any
+// sign, as small as that, takes their velocity.
+void Successor::settle(EventPoint& p, bool y_is_known) {
   if (opens_.isZero(0) || p.zero_w.size() == 0) return;
+  const Vector offset = touching(p, y_is_known);
   const Impact impact = impact_at(p);
   const Vector w = system_.N * p.x + sources_.g(p.t + 1e-15 * T_);
   std::vector<Index> rest;
@@ -204,14 +205,13 @@ Successor::Entry Successor::attempt(const std::vector<Index>& set, double least,
   const Vector x = p.x, integral = p.integral;
   const Entry entry = enter(*mode, p);
   if (entry != Entry::smooth) return entry;
-  EventStep next;
-  if (steps_.resolve(*mode, p, next)) {
+  if (EventStep& next = tried_step_; steps_.resolve(*mode, p, next)) {
     const double lasts = next.valid * next.length;
     found_ = next.valid >= 1 || (lasts >= least && !next.at_once);
     if (found_ || (lasts > best_.lasts && !next.at_once))
-      best_ = {mode, lasts, std::move(next), p.x, p.integral};
+      best_.take(mode, next, p);
     else if (impulses_.empty() && lasts > brief_.lasts)
-      brief_ = {mode, lasts, std::move(next), p.x, p.integral};
+      brief_.take(mode, next, p);
   }
   p.x = x;
   p.integral = integral;
@@ -240,13 +240,24 @@ Successor::Entry Successor::attempt_proposed(double h, const Vector& offset, Eve
   return Entry::refused;
 }
 
+// Rows that are zero on a step, those of the active set included.
+std::vector<Index> Successor::zero_rows(const EventStep& step) const {
+  std::vector<Index> rows;
+  for (Index i = 0; i < system_.constraints(); ++i)
+    if (step.w.col(i).cwiseAbs().sum() <= step.zero_w[i]) rows.push_back(i);
+  return rows;
+}
+
 // Where y is not unique, the set of the y of least norm of a short step, if it lasts and leads to the same state.
-void Successor::prefer_least_norm(double h, const Vector& offset, EventPoint& p) {
+void Successor::prefer_least_norm(double h, bool y_is_known, EventPoint& p) {
   constexpr double share = 1e-3;
+  const auto found = std::pair(best_.mode, zero_rows(best_.step));
+  if (least_.contains(found)) return;
   const double length = short_length(share * h);
-  const ShortSteps::Step proposed = short_steps_.take(p.t, length, p.x, offset);
+  const ShortSteps::Step proposed = short_steps_.take(p.t, length, p.x, touching(p, y_is_known));
   if (!proposed.solved || !proposed.y.allFinite()) return;
   const std::vector<Index> set = support(proposed.y);
+  if (set == best_.mode->active) least_.insert(found);
   if (!tried_.insert(set).second) return;
   const Candidate first = std::exchange(best_, {});
   const std::size_t impulses = impulses_.size();
@@ -272,19 +283,19 @@ void Successor::prefer_least_of_all(EventPoint& p) {
 
 Successor::Choice Successor::choose_brief(EventPoint& p) {
   if (!(brief_.lasts > 4 * epsilon * T_)) return {};
-  p.x = std::move(brief_.x);
-  p.integral = std::move(brief_.integral);
-  return {brief_.mode, std::move(brief_.step), {}};
+  p.x = brief_.x;
+  p.integral = brief_.integral;
+  return {brief_.mode, &brief_.step, {}};
 }
 
 Successor::Choice Successor::choose(EventPoint& p, bool y_is_known, const std::optional<std::vector<Index>>& likely) {
   p.sizes.include_x(p.x);
   impulses_.clear();
-  brief_ = {};
+  brief_.forget();
   for (int jumps = 0; jumps <= most_jumps_at_once; ++jumps) {
-    settle(p, touching(p, y_is_known));
+    settle(p, y_is_known);
     const double h = steps_.longest_from(p);
-    best_ = {};
+    best_.forget();
     tried_.clear();
     found_ = false;
     Entry entry = Entry::refused;
@@ -295,15 +306,15 @@ Successor::Choice Successor::choose(EventPoint& p, bool y_is_known, const std::o
     if (!found_ && entry != Entry::jumped)
       entry = attempt_proposed(h, touching(p, y_is_known), p);
     else if (found_ && short_steps_.of_least_norm())
-      prefer_least_norm(h, touching(p, y_is_known), p);
+      prefer_least_norm(h, y_is_known, p);
     if (found_ && !short_steps_.determine_y() && !short_steps_.of_least_norm()) prefer_least_of_all(p);
     y_is_known = false;
     if (!found_ && entry == Entry::jumped) continue;
     // If none lasts, the next event is very near.
     if (!found_ && !(best_.lasts > 4 * epsilon * T_)) break;
-    p.x = std::move(best_.x);
-    p.integral = std::move(best_.integral);
-    return {best_.mode, std::move(best_.step), std::move(impulses_)};
+    p.x = best_.x;
+    p.integral = best_.integral;
+    return {best_.mode, &best_.step, std::move(impulses_)};
   }
   return {};
 }
@@ -369,6 +380,14 @@ std::vector<Successor::Candidate> Successor::smooth_candidates(EventPoint& p) {
   return candidates;
 }
 
+void Successor::Candidate::take(const SwitchedMode* of, EventStep& found, const EventPoint& p) {
+  mode = of;
+  lasts = found.valid * found.length;
+  std::swap(step, found);
+  x = p.x;
+  integral = p.integral;
+}
+
 // The norm of the mean of y as long as the set lasts.
 double Successor::Candidate::mean_y() const {
   return (step.y.transpose() * legendre_integrals(step.valid)).norm() / step.valid;
@@ -377,7 +396,7 @@ double Successor::Candidate::mean_y() const {
 Successor::Choice Successor::choose_among_all(EventPoint& p) {
   p.sizes.include_x(p.x);
   impulses_.clear();
-  settle(p, touching(p, false));
+  settle(p, false);
   std::vector<Candidate> candidates = smooth_candidates(p);
   if (candidates.empty() && jump_by_the_only_impulse(p)) candidates = smooth_candidates(p);
   if (candidates.empty()) return {};
@@ -390,11 +409,11 @@ Successor::Choice Successor::choose_among_all(EventPoint& p) {
     if (!lead_to_the_same(other, *longest, p)) choice.unique = false;
     if (other.mean_y() < less_y * least->mean_y()) least = &other;
   }
-  Candidate& best = *least;
-  p.x = best.x;
-  p.integral = best.integral;
-  choice.mode = best.mode;
-  choice.step = std::move(best.step);
+  best_ = std::move(*least);
+  p.x = best_.x;
+  p.integral = best_.integral;
+  choice.mode = best_.mode;
+  choice.step = &best_.step;
   choice.impulses = std::move(impulses_);
   return choice;
 }

@@ -12,6 +12,7 @@
 #include <map>
 #include <optional>
 #include <set>
+#include <utility>
 #include <vector>
 
 namespace bromwich {
@@ -25,7 +26,7 @@ class Successor {
 
   struct Choice {
     const SwitchedMode* mode = nullptr;  ///< none: no active set was found
-    EventStep step;
+    const EventStep* step = nullptr;     ///< until the next one is chosen
     std::vector<EventImpulse> impulses;  ///< the jumps of the state, in their order
     bool unique = true;                  ///< false: active sets lead to different states
   };
@@ -60,6 +61,8 @@ class Successor {
     Vector x = {}, integral = {};
 
     double mean_y() const;
+    void forget() { mode = nullptr, lasts = 0; }
+    void take(const SwitchedMode* of, EventStep& found, const EventPoint& p);
   };
 
   const SwitchedMode* mode_of(const std::vector<Index>& active);
@@ -67,7 +70,8 @@ class Successor {
   JetValues sources_at(const SwitchedMode&, const EventPoint&, JetValues& size) const;
   Impact impact_at(const EventPoint&) const;
   Vector rebounds_of_touching(const EventPoint&, const Vector& offset) const;
-  void settle(EventPoint&, const Vector& offset);
+  std::vector<Index> zero_rows(const EventStep&) const;
+  void settle(EventPoint&, bool y_is_known);
   bool may_jump(const SwitchedMode&, const JetValues& u, const Vector& zero, const Vector& impulse,
                 const Vector& bounce) const;
   bool holds_behind(const SwitchedMode&, EventPoint&, const Vector& impulse);
@@ -78,7 +82,7 @@ class Successor {
   bool lead_to_the_same(const Candidate&, const Candidate&, const EventPoint&) const;
   Entry attempt(const std::vector<Index>& set, double least, EventPoint&);
   Entry attempt_proposed(double h, const Vector& offset, EventPoint&);
-  void prefer_least_norm(double h, const Vector& offset, EventPoint&);
+  void prefer_least_norm(double h, bool y_is_known, EventPoint&);
   void prefer_least_of_all(EventPoint&);
 
   const SystemMatrices& system_;
@@ -89,9 +93,12 @@ class Successor {
   Vector opens_;  ///< n: w_i'' by y_i of rigid contacts; 0: of others
   Matrix NAB_;
   std::map<std::vector<Index>, std::optional<SwitchedMode>> modes_;
+  /// Modes whose y was that of least norm, with the other rows in which w is zero.
+  std::set<std::pair<const SwitchedMode*, std::vector<Index>>> least_;
   std::set<std::vector<Index>> tried_;
-  Candidate best_;      ///< that lasted longest
-  Candidate brief_;     ///< likewise, of those that end at once
+  Candidate best_;   ///< that lasted longest
+  Candidate brief_;  ///< likewise, of those that end at once
+  EventStep tried_step_;
   bool found_ = false;  ///< it lasts long enough
   std::vector<EventImpulse> impulses_;
 };

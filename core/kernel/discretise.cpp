@@ -45,16 +45,28 @@ DiscreteProblem discretise(const Scene& scene, Backend& backend, Index J, bool e
   return p;
 }
 
+DiscreteProblem discretise_points(const Scene& scene, Backend& backend, Index J) {
+  GridFamily own;
+  DiscreteProblem p = discretise_maps(scene, backend, J, own);
+  p.t = time_grid(scene.T, J);
+  sample_points(p);
+  return p;
+}
+
 DiscreteProblem discretise_maps(const Scene& scene, Backend& backend, Index J, GridFamily& family) {
   DiscreteProblem p{scene, backend, family.lcp_class(scene), J, scene.T / double(J), {}, {}, {}, {}};
   p.shared = family.of(scene.dynamics);
   return p;
 }
 
-void sample_sources(DiscreteProblem& p, bool every_step) {
+void sample_points(DiscreteProblem& p) {
   p.g = sample(p.scene.g, p.t, p.scene.constraints());
   p.f = p.scene.f ? sample(p.scene.f, p.t, p.scene.sources()) : SampledSource();
   set_start(p);
+}
+
+void sample_sources(DiscreteProblem& p, bool every_step) {
+  sample_points(p);
   p.sources = {};
   p.defects = {};
   p.rough_response = {};

@@ -8,9 +8,14 @@ namespace bromwich {
 /// this scene share; null: nothing.
 DiscreteProblem discretise(const Scene&, Backend&, Index J, bool every_step = false, GridFamily* family = nullptr);
 
+/// Time points, f and g there and x0, without steps: for rows of solutions that are found otherwise.
+DiscreteProblem discretise_points(const Scene&, Backend&, Index J);
+
 /// The maps of its steps alone: without time points, f and g.
 DiscreteProblem discretise_maps(const Scene&, Backend&, Index J, GridFamily&);
 
+/// Samples f and g of the scene at the time points, and copies its x0.
+void sample_points(DiscreteProblem&);
 /// Samples the sources of the scene again, and copies its x0.
 void sample_sources(DiscreteProblem&, bool every_step);
 /// Copies only x0.

@@ -11,8 +11,8 @@ Vector largest_y(const EventPiece& piece) {
   constexpr int parts = 8;
   Vector largest = Vector::Zero(piece.y.cols());
   for (int k = 0; k <= parts; ++k) {
-    const Vector y = piece.y.transpose() * legendre((piece.end - piece.begin) / piece.length * k / parts);
-    for (const Index i : piece.active) largest[i] = std::max(largest[i], y[i]);
+    const LegendreValues at = legendre((piece.end - piece.begin) / piece.length * k / parts);
+    for (const Index i : piece.active) largest[i] = std::max(largest[i], piece.y.col(i).dot(at));
   }
   return largest;
 }

@@ -23,7 +23,7 @@ struct EventPiece {
   Vector integral;                          ///< n: of y over [0, begin], impulses up to then included
   std::vector<Index> active = {};           ///< the active set
   std::vector<EventImpulse> impulses = {};  ///< at the begin, in their order
-  std::vector<Index> resets = {};           ///< states that have jumped to their values at the begin, before impulses
+  std::vector<Index> set = {};              ///< states that memories have set at the begin, before impulses
   std::vector<Index> modes = {};            ///< one of each memory of the scene
   /// The component whose y_i (i active) or w_i vanishes at the end and would become negative; -1: none does.
   Index event = -1;

@@ -10,44 +10,15 @@ namespace {
 
 using Condition = Memory::Condition;
 
-// The same `width` values, and zeros behind them.
-TimeFunction widened(const TimeFunction& function, Index width) {
-  if (!function) return {};
-  return [function, width](double t, Eigen::Ref<Vector> value) {
-    value.setZero();
-    function(t, value.head(width));
-  };
-}
-
-// Of functions with as many values.
-TimeFunction sum(std::vector<TimeFunction> all) {
-  std::erase_if(all, [](const TimeFunction& one) { return !one; });
-  if (all.size() < 2) return all.empty() ? TimeFunction() : std::move(all.front());
-  return [all](double t, Eigen::Ref<Vector> value) {
-    Vector one(value.size());
-    value.setZero();
-    for (const TimeFunction& function : all) {
-      one.setZero();
-      function(t, one);
-      value += one;
-    }
-  };
-}
-
 Matrix grown(const Matrix& a, Index rows, Index columns) {
   Matrix larger = Matrix::Zero(rows, columns);
   larger.topLeftCorner(a.rows(), a.cols()) = a;
   return larger;
 }
 
-// f of the scene as one value for each state.
-TimeFunction f_of_states(const Scene& scene) {
-  if (!scene.f || scene.f_entry == SourceEntry::state) return scene.f;
-  return [F = source_matrix(scene, *scene.dynamics->small_state()), phi = scene.f](double t, Eigen::Ref<Vector> f) {
-    Vector sources = Vector::Zero(F.cols());
-    phi(t, sources);
-    f = F * sources;
-  };
+// The same `width` values of `all`, zeros behind them.
+TimeFunction widened(const TimeFunction& function, Index width, Index all) {
+  return sum_of({{Matrix::Identity(all, width), function}});
 }
 
 }  // namespace
@@ -57,7 +28,9 @@ Scene in_modes(const Scene& scene, const std::vector<Index>& modes) {
   made.memories.clear();
   DenseDynamics d = *scene.dynamics->small_state();
   Matrix M = to_dense(scene.M);
-  std::vector<TimeFunction> f{f_of_states(scene)}, g{scene.g};
+  const Matrix of_f = Matrix::Identity(scene.states(), scene.states()),
+               of_g = Matrix::Identity(scene.constraints(), scene.constraints());
+  std::vector<SourceTerm> f{{source_matrix(scene, d), scene.f}}, g{{of_g, scene.g}};
   made.f_entry = SourceEntry::state;
   made.F = {};
   for (std::size_t k = 0; k < modes.size(); ++k) {
@@ -65,11 +38,11 @@ Scene in_modes(const Scene& scene, const std::vector<Index>& modes) {
     for (const auto& [all, more] : {std::pair(&d.A, &mode.A), {&d.B, &mode.B}, {&d.N, &mode.N}, {&M, &mode.M}})
       if (more->size() > 0) *all += *more;
     if (mode.M.size() > 0) made.lcp_class = LcpClass::automatic;
-    f.push_back(mode.f);
-    g.push_back(mode.g);
+    f.push_back({of_f, mode.f});
+    g.push_back({of_g, mode.g});
   }
-  made.f = sum(std::move(f));
-  made.g = sum(std::move(g));
+  made.f = sum_of(f);
+  made.g = sum_of(g);
   made.dynamics = std::move(d);
   made.M = std::move(M);
   return made;
@@ -95,26 +68,21 @@ struct Guards {
     Index next = first;
     mode.N = grown(mode.N, rows, states);
     mode.M = grown(mode.M, rows, rows);
-    std::vector<std::pair<Index, TimeFunction>> own;
+    std::vector<SourceTerm> g{{Matrix::Identity(rows, n), mode.g}};
     for (Memory::Leave& leave : mode.leave)
       for (Condition& c : leave.when) {
         if (c.x.size() > 0) mode.N.row(next).head(c.x.size()) = -c.x.transpose();
         if (c.y.size() > 0) mode.M.row(next).head(n) = -c.y.transpose();
-        own.emplace_back(next, c.time);
+        g.push_back({-Vector::Unit(rows, next), c.time});
         c = {.guard = next++};
       }
-    // Those that the mode does not have are far from 0.
-    mode.g = [g = mode.g, n = n, first = first, count = count, own](double t, Eigen::Ref<Vector> value) {
-      value.setZero();
-      if (g) g(t, value.head(n));
-      value.segment(first, count).setOnes();
-      Vector one(1);
-      for (const auto& [row, time] : own) {
-        one[0] = 0;
-        if (time) time(t, one);
-        value[row] = -one[0];
-      }
-    };
+    // Behind the conditions of the mode guards are far from 0.
+    if (const Index others = first + count - next; others > 0) {
+      Vector far = Vector::Zero(rows);
+      far.segment(next, others).setOnes();
+      g.push_back({far, one_at_all_times()});
+    }
+    mode.g = sum_of(g);
   }
 };
 
@@ -162,8 +130,8 @@ Scene with_memory_rows(const Scene& given) {
   if (scene.f_entry == SourceEntry::through_F)
     scene.F.conservativeResize(states, scene.F.cols());
   else
-    scene.f = widened(given.f, given.sources());
-  scene.g = widened(given.g, n);
+    scene.f = widened(given.f, given.sources(), scene.f_entry == SourceEntry::through_B ? rows : states);
+  scene.g = widened(given.g, n, rows);
   if (scene.restitution.size() > 0) scene.restitution = grown(given.restitution, rows, 1);
   Index guard = n;
   for (std::size_t k = 0; k < scene.memories.size(); ++k) {
@@ -172,7 +140,7 @@ Scene with_memory_rows(const Scene& given) {
     const Index count = conditions_of(memory);
     const Guards guards{n, states, rows, guard, count};
     for (Memory::Mode& mode : memory.modes) {
-      mode.f = widened(mode.f, m);
+      mode.f = widened(mode.f, m, states);
       if (mode.A.size() > 0) mode.A = grown(mode.A, states, states);
       if (mode.B.size() > 0) mode.B = grown(mode.B, states, rows);
       if (count > 0) guards.watch(mode);

@@ -79,13 +79,13 @@ Matrix FlowDerivative::carried(const EventSolution& s, Matrix dx, FlowChange* mo
 
 void FlowDerivative::pass(const EventPiece* before, const EventPiece& after, Matrix& dx) {
   const bool changes = before && before->active != after.active;
-  const bool switches = before && before->event >= 0 && (changes || !after.impulses.empty() || !after.resets.empty());
+  const bool switches = before && before->event >= 0 && (changes || !after.impulses.empty() || !after.set.empty());
   Eigen::RowVectorXd dt = Eigen::RowVectorXd::Zero(dx.cols());
   if (switches) {
     dt = moved_times(*before, dx);
     dx += rate_at(*before, end_of(*before)) * dt;
   }
-  for (const Index j : after.resets) dx.row(j).setZero();
+  for (const Index j : after.set) dx.row(j).setZero();
   jump(before, after, dt, dx);
   if (!switches) return;
   dx -= rate_at(after, 0) * dt;

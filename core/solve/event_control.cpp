@@ -57,7 +57,7 @@ Vector largest_of(const EventSolution& s, Matrix EventPiece::*which) {
 std::vector<double> jump_times(const EventSolution& s) {
   std::vector<double> times;
   for (const EventPiece& p : s.pieces)
-    if (p.begin > 0 && (!p.impulses.empty() || !p.resets.empty())) times.push_back(p.begin);
+    if (p.begin > 0 && (!p.impulses.empty() || !p.set.empty())) times.push_back(p.begin);
   return times;
 }
 

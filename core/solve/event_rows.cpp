@@ -21,7 +21,7 @@ std::vector<Index> rows_at_breakpoints(const Scene& scene, const Vector& t) {
 }
 
 EventRows::EventRows(const Scene& scene, Backend& backend, Index J)
-    : p_(discretise(scene, backend, J)),
+    : p_(discretise_points(scene, backend, J)),
       resolution_(256 * epsilon * scene.T),
       f_(scene.f, scene.f ? scene.sources() : 0, resolution_),
       g_(scene.g, scene.g ? scene.constraints() : 0, resolution_),

@@ -57,7 +57,7 @@ std::optional<Reduction> memory_rows(const Scene& scene, const InnerOptions& opt
     for (EventPiece& p : s.pieces) {
       std::erase_if(p.active, behind);
       for (EventImpulse& impulse : p.impulses) std::erase_if(impulse.active, behind);
-      std::erase_if(p.resets, [m](Index i) { return i >= m; });
+      std::erase_if(p.set, [m](Index i) { return i >= m; });
       if (p.event >= n) p.event = -1;
     }
     std::erase_if(s.switches, [&](const Switch& one) { return behind(one.component); });

@@ -17,7 +17,7 @@ namespace bromwich {
 struct Memory {
   /// Holds where x . x(t) + y . y(t) + time(t) > 0.
   struct Condition {
-    Vector x = {};           ///< m, or empty: 0
+    Vector x = {};           ///< m, or empty: 0; one more for each memory of the scene sees the numbers of their modes
     Vector y = {};           ///< n, or empty: 0
     TimeFunction time = {};  ///< one value; empty = 0
     Index guard = -1;        ///< of a scene that a solve makes: the row of w that is the negative of all that

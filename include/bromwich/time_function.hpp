@@ -34,6 +34,8 @@ class TimeFunction {
 
   /// Its shapes and their functions; null if it is not such a sum.
   const SeparableSource* separable() const { return separable_.get(); }
+  /// Whether it is known to be a line between the breakpoints of its scene: a LinearSource, or a sum of such.
+  bool linear() const;
 
  private:
   std::function<void(double t, Eigen::Ref<Vector> value)> function_;
@@ -45,6 +47,13 @@ struct SeparableSource {
   TimeFunction time;  ///< a, k values
 
   void operator()(double t, Eigen::Ref<Vector> value) const;
+};
+
+/// A function that is a line between the breakpoints of its scene, such as pulses and piecewise linear tables.
+struct LinearSource {
+  TimeFunction function;
+
+  void operator()(double t, Eigen::Ref<Vector> value) const { function(t, value); }
 };
 
 }  // namespace bromwich

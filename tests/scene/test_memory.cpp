@@ -160,6 +160,26 @@ TEST(Memory, StatesThatAreSet) {
   EXPECT_FALSE(r.continuous);
 }
 
+// What scenes in modes have as f and g: a sum of matrices times functions, as shapes times functions of time.
+TEST(Memory, SumsOfSources) {
+  const TimeFunction line = LinearSource{[](double t, Eigen::Ref<Vector> v) { v << t, 1; }},
+                     bent = [](double t, Eigen::Ref<Vector> v) { v[0] = t * t; },
+                     shapes = SeparableSource{Matrix{{1, 2}, {3, 4}, {5, 6}}, line};
+  EXPECT_FALSE(sum_of({{Matrix::Identity(2, 2), {}}}));
+  const TimeFunction all =
+      sum_of({{Matrix{{1, 0, 2}, {0, 1, 0}}, shapes}, {Matrix{{0}, {7}}, bent}, {Matrix{{1, 1}, {0, 1}}, line}});
+  ASSERT_NE(all.separable(), nullptr);
+  Vector value(2);
+  for (const double t : {0.0, 0.3, 2.0}) {
+    all(t, value);
+    // (1, 2; 3, 4; 5, 6) (t, 1), its first row and twice its third one, its second one.
+    EXPECT_DOUBLE_EQ(value[0], (t + 2) + 2 * (5 * t + 6) + (t + 1));
+    EXPECT_DOUBLE_EQ(value[1], (3 * t + 4) + 7 * t * t + 1);
+  }
+  EXPECT_FALSE(all.linear());
+  EXPECT_TRUE(sum_of({{Matrix::Identity(3, 3), shapes}, {Vector::Ones(3), one_at_all_times()}}).linear());
+}
+
 // A mode whose conditions hold at t = 0 is left at once.
 TEST(Memory, BeginsInTheModeThatConditionsAskFor) {
   Scene scene = thermostat();
