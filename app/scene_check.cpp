@@ -107,8 +107,7 @@ void look_at_sources(const Scene& scene, Index J, SceneCheck& check) {
 /// Methods by the rules of core/solve/engines.cpp, with a refusal where none applies.
 std::vector<Method> methods_of(const Scene& given, const Scene& scene, const BackendTraits& traits,
                                const Options& options, Index J, std::string& refusal) {
-  if (const bool bounces = (given.restitution.array() > 0).any();
-      bounces || !given.resets.empty() || !given.memories.empty()) {
+  if (const bool bounces = (given.restitution.array() > 0).any(); bounces || !given.memories.empty()) {
     const Method only = given.boundary ? Method::shooting : Method::events;
     if (options.method != Method::automatic && options.method != only)
       refusal = fmt::format("{}: method {} takes them", bounces ? "impacts with restitution" : "modes with memory",

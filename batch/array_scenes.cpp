@@ -30,7 +30,7 @@ const DenseDynamics& dense_of(const Scene& scene) {
   scene.validate();
   if (scene.boundary) refuse("has boundary values", "use solve, which takes them");
   if (scene.restitution.size() > 0) refuse("has restitution", "use solve_batch");
-  if (!scene.resets.empty() || !scene.memories.empty()) refuse("has modes with memory", "use solve_batch");
+  if (!scene.memories.empty()) refuse("has modes with memory", "use solve_batch");
   if (!scene.free_rows.empty()) refuse("has free rows", "use solve, which eliminates them");
   const DenseDynamics* dense = scene.dynamics->small_state();
   if (!dense || scene.dynamics->has_mass())

@@ -85,8 +85,7 @@ SwitchedDerivative::SwitchedDerivative(const Scene& given, const Vector& times, 
   given.validate();
   if (const DenseDynamics* d = given.dynamics->small_state(); !d || !given.free_rows.empty())
     not_defined("the scene has no small dense form, or free rows", "differentiate a scene with dense matrices");
-  if (!given.resets.empty() || !given.memories.empty())
-    not_defined("modes with memory have no derivatives here", "use differences of solves");
+  if (!given.memories.empty()) not_defined("modes with memory have no derivatives here", "use differences of solves");
   const Index rows = t_.size();
   bool good = rows >= 2 && t_[0] == 0 && std::abs(t_[rows - 1] - given.T) <= 1e-12 * given.T;
   for (Index j = 1; j < rows; ++j) good = good && t_[j] > t_[j - 1];

@@ -54,7 +54,6 @@ void NonlinearScene::validate() const {
   if (linear.boundary) throw Error("boundary", "the linear part has boundary values", "give x0");
   if (linear.restitution.size() > 0)
     throw Error("restitution", "is given to a nonlinear scene", "leave it out: its impacts are inelastic");
-  if (!linear.resets.empty()) throw Error("resets", "are given to a nonlinear scene", "leave them out");
   if (!linear.memories.empty()) throw Error("memories", "are given to a nonlinear scene", "leave them out");
   if (!linear.free_rows.empty()) throw Error("free_rows", "the linear part has free rows", "eliminate them");
   if (linear.constraints() == 0)

@@ -219,7 +219,6 @@ NaturalSizes sizes_of(const SparseDynamics& d, const SparseMatrix& M, const Scen
   Sizes sizes(m, n, terms);
   add_matrices(d, M, rate, sizes);
   for (Index i = 0; i < m; ++i) sizes.add(x0[i], 1, -1, sizes.x(i));
-  for (const Reset& r : scene.resets) sizes.add(std::abs(r.value), 1, -1, sizes.x(r.state));
   add_modes(scene, rate, sizes);
   for (Index i = 0; i < n; ++i) sizes.add(g[i], 1, -1, sizes.w(i));
   add_f(d, scene, rate, sizes);

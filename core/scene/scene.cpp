@@ -144,35 +144,12 @@ namespace {
 /// Of the first guard; all rows behind it are guards.
 Index first_guard(const Scene& scene) {
   Index first = scene.constraints();
-  for (const Reset& r : scene.resets) first = std::min(first, r.guard);
   for (const Memory& memory : scene.memories)
     for (const Memory::Mode& mode : memory.modes)
       for (const Memory::Leave& leave : mode.leave)
         for (const Memory::Condition& c : leave.when)
           if (c.guard >= 0) first = std::min(first, c.guard);
   return first;
-}
-
-void validate_resets(const Scene& scene) {
-  const Index m = scene.states(), n = scene.constraints();
-  const auto refuse = [](const std::string& found, const std::string& remedy) { throw Error("resets", found, remedy); };
-  if (scene.resets.empty()) return;
-  const DenseDynamics* d = scene.dynamics->small_state();
-  if (!d || !scene.free_rows.empty()) refuse("need dense dynamics without free rows", "write A, B and N as matrices");
-  for (const Reset& r : scene.resets) {
-    if (r.guard < 0 || r.guard >= n || r.state < 0 || r.state >= m)
-      refuse("name row " + std::to_string(r.guard) + " and state " + std::to_string(r.state),
-             "give numbers from 0, below " + std::to_string(n) + " and " + std::to_string(m));
-    if (!std::isfinite(r.value)) refuse("have a value that is not finite", "give a number");
-  }
-  const Matrix M = to_dense(scene.M);
-  for (Index i = first_guard(scene); i < n; ++i) {
-    Vector column = M.col(i);
-    column[i] = 0;
-    if (!(M(i, i) > 0) || !column.isZero(0) || !d->B.col(i).isZero(0))
-      refuse("have the guard " + std::to_string(i) + ", which acts on the state or on other rows",
-             "guards are the last rows, with M_ii = 1 and zeros elsewhere in column i of M and B");
-  }
 }
 
 }  // namespace
@@ -191,7 +168,6 @@ void Scene::validate() const {
     validate_x0(x0);
   validate_free_rows(free_rows, n);
   validate_restitution(*this);
-  validate_resets(*this);
   validate_memories(*this);
   require_positive("T", T);
   if (default_steps < 0) throw Error("default_steps", "is " + std::to_string(default_steps), "give 1 or more");

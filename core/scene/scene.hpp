@@ -14,7 +14,7 @@ Scene written_out(Scene);
 /// The scene on [t, t + length] alone, from the state x, with its clock set back to 0.
 Scene part_of(const Scene&, double t, double length, const Vector& x);
 
-/// Rows that only watch, the last ones: see Reset. 0 without resets and memories.
+/// Rows that only watch, the last ones: see with_memory_rows. 0 without memories.
 Index guards(const Scene&);
 
 /// F with f = F phi, m x sources(). Precondition: the dynamics of the scene are these.

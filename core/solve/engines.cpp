@@ -38,7 +38,7 @@ bool ends(const Result& r) { return r.status == Status::solved || r.status == St
 // Impacts with restitution are located: steps would take them as without.
 bool bounces(const Scene& scene) { return (scene.restitution.array() > 0).any(); }
 // So are modes with memory.
-bool remembers(const Scene& scene) { return !scene.resets.empty() || !scene.memories.empty(); }
+bool remembers(const Scene& scene) { return !scene.memories.empty(); }
 bool is_located(const Scene& scene) { return bounces(scene) || remembers(scene); }
 
 // Where it does not succeed from rest, it starts from method galerkin.

@@ -315,7 +315,6 @@ Scene in_natural_units(const Scene& scene, const NaturalUnits& u) {
     natural.f = divided(scene.f, scene.f_entry == SourceEntry::through_B ? u.y : u.x);
   natural.g = divided(scene.g, u.w);
   change_modes(natural.memories, u);
-  for (Reset& r : natural.resets) r.value = times_ten_to(-u.x[std::size_t(r.state)], r.value);
   if (scene.boundary) {
     BoundaryCondition& c = *natural.boundary;
     c.E0 = changed(std::move(c.E0), u.boundary, u.x);

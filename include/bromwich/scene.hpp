@@ -43,15 +43,6 @@ struct Labels {
 /// stored and sampled is phi: a heat source that many cells share costs one number a time point.
 enum class SourceEntry { state, through_B, through_F };
 
-/// Where w_i of a guard i falls below 0, the state x_j jumps to a value, and keeps it as long as its equation, x_j' = 0
-/// say, does. A guard is a row that other rows and the state do not see: M_ii > 0, and no other
-/// entry in column i of M and B. Guards are the last rows.
-struct Reset {
-  Index guard = 0;   ///< i
-  Index state = 0;   ///< j
-  double value = 0;  ///< of x_j
-};
-
 struct PortHamiltonian;
 
 struct Scene {
@@ -73,10 +64,7 @@ struct Scene {
   /// n coefficients e_i in [0, 1] of Newton's law of impact, or empty: 0. Where w_i reaches 0 with w_i' < 0, it leaves
   /// with w_i'+ = -e_i w_i'-. For rigid contact: y acts on the second derivative of w_i. Method events takes it.
   Vector restitution;
-  /// Where the guard of several falls below 0 they are done in this order. Method events takes them, and for periodic
-  /// states shooting.
-  std::vector<Reset> resets;
-  /// Elements with memory. Methods as with resets.
+  /// Elements with memory. Method events takes them, and for periodic states shooting.
   std::vector<Memory> memories;
   std::vector<Index> free_rows;  ///< rows i with w_i = 0 and y_i of either sign, increasing
   /// The structure the dynamics were made from, where there is one; null otherwise. Such a scene may have no
