@@ -115,6 +115,7 @@ EventSteps::EventSteps(const SystemMatrices& system, const EventSources& sources
       T_(T),
       tolerance_(tolerance),
       longest_(longest),
+      propagators_(system, longest),
       rigid_((openings(system).array() > 0).any()),
       by_f_within_span_(moved_within(span, system.A)),
       by_y_within_span_((by_f_within_span_ * system.B).cwiseAbs()),
@@ -122,24 +123,12 @@ EventSteps::EventSteps(const SystemMatrices& system, const EventSources& sources
       by_y_within_step_((by_f_within_step_ * system.B).cwiseAbs()) {
   by_f_within_span_ = by_f_within_span_.cwiseAbs();
   by_f_within_step_ = by_f_within_step_.cwiseAbs();
-  const auto is_position = [&](Index i) {
-    const auto apart = [&](Index k) { return system.A(i, k) == 0 && system.A(k, i) == 0; };
-    return system.B.row(i).isZero(0) && apart(i) && std::all_of(positions_.begin(), positions_.end(), apart);
-  };
-  for (Index i = 0; i < system.states(); ++i) (is_position(i) ? positions_ : others_).push_back(i);
-  by_others_ = system.A(positions_, others_);
-}
-
-// The longest of longest_, 3/4, 1/2, 3/8, 1/4, ... of it that is no longer: lengths that recur, with their propagators.
-double EventSteps::grid_length(double longest) const {
-  const double half = longest_ * std::exp2(std::floor(std::log2(longest / longest_)));
-  return longest >= 1.5 * half ? 1.5 * half : half;
 }
 
 // Up to the next breakpoint, by a time that recurs with it: times are known to rounding.
 double EventSteps::longest_from(const EventPoint& p) const {
   const double h = std::min(p.h, longest_), rest = p.end - p.t, known = 4 * epsilon * T_;
-  return h < rest ? grid_length(h) : std::max(1.0, std::round(rest / known)) * known;
+  return h < rest ? propagators_.grid_length(h) : std::max(1.0, std::round(rest / known)) * known;
 }
 
 double EventSteps::noise() const { return noise_share * tolerance_; }
@@ -165,83 +154,6 @@ double EventSteps::source_defect(const JetValues& size, const EventSources::Poly
   return std::max(tail(p.f, size.f, p.off_f, {}), tail(p.g, size.g, p.off_g, {}));
 }
 
-// I - z A_S, z = h lambda, for the eigenvalues lambda of the Radau matrix. With positions Q and other states V it is
-//
-//     [I, -z A_QV; -z A_VQ, I - z A_VV],
-//
-// and that for V alone is I - z A_VV - z^2 A_VQ A_QV.
-EventSteps::Propagator& EventSteps::propagator(const SwitchedMode& mode, double h, double& work) {
-  const auto known = propagators_.find({&mode, h});
-  if (known != propagators_.end()) return known->second;
-  if (propagators_.size() >= most_propagators) propagators_.clear();
-  Propagator& made = propagators_[{&mode, h}];
-  made.by_positions = mode.A(others_, positions_);
-  const Matrix A = mode.A(others_, others_), twice = made.by_positions * by_others_;
-  const ComplexMatrix identity = ComplexMatrix::Identity(A.rows(), A.rows());
-  for (const auto& e : Collocation::get().eigenvalues) {
-    const Complex z = h * e.value;
-    made.factors.emplace_back(identity - z * A.cast<Complex>() - (z * z) * twice.cast<Complex>());
-  }
-  work += 12 * std::pow(double(A.rows()), 3);
-  return made;
-}
-
-// (I - z A_S)^{-1} of the right-hand side, z = h lambda.
-ComplexVector EventSteps::solve(const Propagator& of, Complex z, std::size_t k, const ComplexVector& right) const {
-  const ComplexVector of_positions = right(positions_);
-  const ComplexVector others =
-      of.factors[k].solve(ComplexVector(right(others_) + z * (of.by_positions * of_positions)));
-  ComplexVector all(right.size());
-  all(others_) = others;
-  all(positions_) = of_positions + z * (by_others_ * others);
-  return all;
-}
-
-// Z = X - x0 with Z' = A_S Z + input. So rounding is relative to the change of x: errors of many short steps would add
-// up otherwise.
-void EventSteps::collocate(const SwitchedMode& mode, double h, const Propagator& of, const LegendreCoefficients& input,
-                           LegendreCoefficients& z) const {
-  const Collocation& c = Collocation::get();
-  using AtStages = Eigen::Matrix<double, degree, Eigen::Dynamic>;
-  const AtStages right = h * (c.integrals * input);  // degree x m
-  AtStages change = AtStages::Zero(degree, input.cols()), left = right;
-  // Twice: the eigenvectors of the Radau matrix are ill-conditioned.
-  for (int refined = 0; refined < 2; ++refined) {
-    for (std::size_t k = 0; k < of.factors.size(); ++k) {
-      const auto& e = c.eigenvalues[k];
-      const ComplexVector at = solve(of, h * e.value, k, left.transpose().cast<Complex>() * e.left);
-      change += e.weight * (e.right * at.transpose()).real();
-    }
-    z = c.coefficients.rightCols(degree) * change;
-    if (refined == 0) left = right - change + h * (c.integrals * z) * mode.A.transpose();
-  }
-}
-
-// The same. Z is linear in the coefficients of the input. Once a propagator has been used as often as it has columns,
-// these are kept: periodic sources that are lines take few of them.
-void EventSteps::propagate(const SwitchedMode& mode, double h, const LegendreCoefficients& input,
-                           LegendreCoefficients& z, double& work) {
-  const Index m = input.cols();
-  Propagator& of = propagator(mode, h, work);
-  Index degrees = input.rows();
-  while (degrees > 1 && (input.row(degrees - 1).array() == 0).all()) --degrees;
-  if (degrees * m > most_columns || of.used++ < degrees * m) return collocate(mode, h, of, input, z);
-  while (Index(of.columns.size()) < degrees) {
-    LegendreCoefficients unit = LegendreCoefficients::Zero(input.rows(), m);
-    Matrix& all = of.columns.emplace_back(input.rows() * m, m);
-    for (Index i = 0; i < m; ++i) {
-      unit(Index(of.columns.size()) - 1, i) = 1;
-      collocate(mode, h, of, unit, z);
-      all.col(i) = z.reshaped();
-      unit.col(i).setZero();
-    }
-  }
-  z.resize(Eigen::NoChange, m);
-  Eigen::Map<Vector> all(z.data(), z.size());
-  all.setZero();
-  for (Index k = 0; k < degrees; ++k) all.noalias() += of.columns[std::size_t(k)] * input.row(k).transpose();
-}
-
 void EventSteps::attempt(const SwitchedMode& mode, EventPoint& p, double h, EventStep& step) {
   const Collocation& c = Collocation::get();
   const Index m = system_.states(), n = system_.constraints();
@@ -251,7 +163,7 @@ void EventSteps::attempt(const SwitchedMode& mode, EventPoint& p, double h, Even
   input_ = step.sources.f;
   input_.noalias() += y_of_sources_ * system_.B.transpose();
   input_.row(0).noalias() += p.x.transpose() * mode.A.transpose();
-  propagate(mode, h, input_, step.x, p.work);
+  const LegendreCoefficients& whole = propagators_.move(mode, h, input_, step.x, p.work);
   step.x.row(0) += p.x.transpose();
   step.y = y_of_sources_;
   step.y.noalias() += step.x * mode.y.x.transpose();
@@ -261,7 +173,7 @@ void EventSteps::attempt(const SwitchedMode& mode, EventPoint& p, double h, Even
   step.sizes.set_with(p.sizes, step);
   set_zeros(mode, p, step);
   const JetValues& size = step.sizes.u;
-  step.defect = std::max({tail(step.x, size.x, {}, rounding_of_x(step.sizes)), source_defect(size, step.sources),
+  step.defect = std::max({tail(whole, size.x, {}, rounding_of_x(step.sizes)), source_defect(size, step.sources),
                           defect_of_signs(mode, step)});
   p.work +=
       double((degree + 1) * (degree + 1) * (6 * m + 3 * n) + 80 * m * m + (degree + 1) * (4 * m * n + 2 * n * n)) +
@@ -457,7 +369,7 @@ bool EventSteps::resolve(const SwitchedMode& mode, EventPoint& p, EventStep& ste
     const double shorter = std::isfinite(step.defect)
                                ? std::clamp(0.9 * std::pow(tolerance_ / step.defect, 1.0 / double(degree)), 0.1, 0.7)
                                : 0.1;
-    h = grid_length(shorter * h);
+    h = propagators_.grid_length(shorter * h);
   }
   return false;
 }

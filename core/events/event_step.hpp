@@ -3,11 +3,8 @@
 
 #include "event_sources.hpp"
 #include "mode.hpp"
+#include "propagators.hpp"
 
-#include <Eigen/LU>
-
-#include <map>
-#include <utility>
 #include <vector>
 
 namespace bromwich {
@@ -78,17 +75,6 @@ class EventSteps {
 
  private:
   void sample(const SwitchedMode&, double t, double h, EventStep&) const;
-  /// The collocation of steps of one length in one mode.
-  struct Propagator {
-    std::vector<Eigen::PartialPivLU<ComplexMatrix>> factors;  ///< of I - z A_S for z = h lambda, without the positions
-    Matrix by_positions;                                      ///< the rates of the others by positions
-    Index used = 0;
-    std::vector<Matrix> columns;  ///< Z, (s+1) m values, by coefficient k of the input
-  };
-  static constexpr std::size_t most_propagators = 128;
-  static constexpr Index most_columns = 128;
-
-  double grid_length(double longest) const;
   void attempt(const SwitchedMode&, EventPoint&, double h, EventStep&);
   bool sources_agree(const SwitchedMode&, const JetValues& size, const EventStep&) const;
   bool y_is_known(const EventStep&) const;
@@ -100,23 +86,14 @@ class EventSteps {
   void look_closer(EventPoint&, EventStep&) const;
   double work_of_sources() const;
   double source_defect(const JetValues& size, const EventSources::Polynomials&) const;
-  Propagator& propagator(const SwitchedMode&, double h, double& work);
-  ComplexVector solve(const Propagator&, Complex z, std::size_t eigenvalue, const ComplexVector& right) const;
-  void collocate(const SwitchedMode&, double h, const Propagator&, const LegendreCoefficients& input,
-                 LegendreCoefficients& z) const;
-  void propagate(const SwitchedMode&, double h, const LegendreCoefficients& input, LegendreCoefficients& z,
-                 double& work);
 
   const SystemMatrices& system_;
   const EventSources& sources_;
   double T_, tolerance_, longest_;
+  Propagators propagators_;
   bool rigid_;  ///< there are rigid contacts
   /// How constant values of f and y move the state within the span, and within the longest step.
   Matrix by_f_within_span_, by_y_within_span_, by_f_within_step_, by_y_within_step_;
-  /// Positions: y does not act on their rates, nor do they depend on each other. They are eliminated.
-  std::vector<Index> positions_, others_;
-  Matrix by_others_;  ///< the rates of positions by the others
-  std::map<std::pair<const SwitchedMode*, double>, Propagator> propagators_;
   bool sign_is_lost_ = false;
   // Storage of an attempt.
   LegendreCoefficients input_, y_of_sources_;

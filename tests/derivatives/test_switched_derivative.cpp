@@ -488,10 +488,11 @@ TEST(SwitchedDerivative, WhereYIsNotUniqueAlongChangesThatDoNotTellItApart) {
   EXPECT_LE((gradient.A - of_one.vjp(of).A).cwiseAbs().maxCoeff(), 1e-8 * gradient.A.cwiseAbs().maxCoeff());
 }
 
+// The time of a touch is known to the root of the tolerance.
 TEST(SwitchedDerivative, SeesATouchBetweenSamples) {
   const Verdict v = verdict_of(801072);
   EXPECT_FALSE(v.given);
-  EXPECT_NE(v.what.find("y_0 = w_0 = 0 at t = 0.14491"), std::string::npos) << v.what;
+  EXPECT_NE(v.what.find("y_0 = w_0 = 0 at t = 0.1449"), std::string::npos) << v.what;
 }
 
 // E^{-1} B = (-1/10, 1/2): the contact force pulls the position into the floor, and after the first contact no y >= 0
