@@ -76,5 +76,31 @@ TEST(Reductions, ValuesBetweenTimePointsAreThoseOfTheStatedScene) {
   }
 }
 
+// x' = 80 x - y held at x <= 1: x = min(1, x(0) e^{80 t}). e^{80} says nothing of conditions on x(0) alone.
+TEST(Reductions, ConditionsOnTheStartAloneAreAnInitialValue) {
+  Scene scene;
+  scene.name = "held";
+  scene.dynamics = DenseDynamics{Matrix{{80, 0}, {0, -1}}, Matrix{{-1}, {0}}, Matrix{{-1, 0}}};
+  scene.M = Matrix{{0}};
+  scene.g = [](double, Eigen::Ref<Vector> g) { g[0] = 1; };
+  scene.boundary = BoundaryCondition{Matrix{{2, 1}, {0, 4}}, Matrix::Zero(2, 2), Vector{{2.002, 8}}};
+  scene.T = 1;
+  const auto backend = make_cpu_backend(1);
+  for (const Method method : {Method::automatic, Method::galerkin, Method::events, Method::march}) {
+    SCOPED_TRACE(to_string(method));
+    Options options;
+    options.method = method;
+    if (method != Method::events) options.steps = 400;
+    options.states = StateSelection::all;
+    const Result r = solve(scene, *backend, options);
+    ASSERT_EQ(r.status, Status::solved) << r.reason;
+    EXPECT_LE(*r.boundary_residual, 1e-15);
+    for (Index j = 0; j < Index(r.t.size()); ++j) {
+      EXPECT_NEAR(r.x(j, 0), std::min(1.0, 1e-3 * std::exp(80 * r.t[j])), 2e-3) << r.t[j];
+      EXPECT_NEAR(r.x(j, 1), 2 * std::exp(-r.t[j]), 1e-6) << r.t[j];
+    }
+  }
+}
+
 }  // namespace
 }  // namespace bromwich
