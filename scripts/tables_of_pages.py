@@ -140,6 +140,7 @@ appendices = {
     "docs/nonlinear.md": {"nonlinear": ("nonlinear", nonlinear), "nonlinear-gpu": ("nonlinear-gpu", nonlinear_device)},
     "docs/papers/laplace.md": {"papers-case-one": ("paper", case_one)},
     "docs/papers/goal.md": {"papers-multirate": ("multirate", multirate)},
+    "docs/scenes.md": {"scenes-full": ("scenes", studies.scenes_full)},
     "docs/stability.md": {
         "stability": ("stability", worth.stability),
         "trust-steps": ("trust-steps", worth.given_steps),
