@@ -68,7 +68,7 @@ def sweeps_of_signorini():
     shares = [r["sweeps_to_tolerance"] / (1 / r["dx"] - 1) for r in rows if r["figure"] == "4.6 right"]
     whole = [r["iterations"] / r["Q"] for r in evidence.load("gpu")["rows"] if r["part"] == "solve" and r["contestant"] == "contour, cuda"]
     yield (f"on `signorini` it is {min(shares):.2f} to {max(shares):.2f} Q to the tolerance (4.8) of the paper "
-           f"([table](measurements/paper.md)) and {min(whole):.2f} to {max(whole):.2f} Q to 1e-12 ([table](measurements/gpu.md)).")
+           f"([table](papers/laplace.md)) and {min(whole):.2f} to {max(whole):.2f} Q to 1e-12 ([table](measurements/gpu.md)).")
 
 
 def three_dimensions():
@@ -88,8 +88,7 @@ sentences = {
     "docs/three-dimensions.md": (three_dimensions,),
     "docs/method.md": (sweeps_of_signorini,),
     "docs/nonlinear.md": (nonlinear_device, shockley),
-    "docs/measurements/paper.md": (comparison,),
-    "docs/papers/laplace.md": (case_two, choices_of_auto),
+    "docs/papers/laplace.md": (comparison, case_two, choices_of_auto),
 }
 
 

@@ -14,7 +14,7 @@ from tables_dual import dual, dual_times, headline_dual, puts
 from tables_galerkin import galerkin
 from tables_goal import adjoints, goal, goal_peers
 from tables_micro import micro
-from tables_paper import paper
+from tables_paper import paper, times
 from tables_papers import case_one, galerkin_claims, goal_claims, laplace, multirate, nonlinear, nonlinear_device
 from tables_peers import headline as peers_headline
 from tables_peers import peers
@@ -52,9 +52,6 @@ blocks = {
     },
     "docs/measurements/multigrid.md": {"multigrid-short": ("multigrid", short(studies.multigrid, notes=("contraction", "at most")))},
     "docs/measurements/tol.md": {"tol-short": ("tol", worth.tol_share)},
-    "docs/measurements/paper.md": {"paper-short": ("paper", short(paper, tables=1, notes=("The paper's text quotes 5", "Equal steps", "Fig. 4.10")))},
-    "docs/measurements/galerkin.md": {"galerkin-short": ("galerkin", short(galerkin, tables=1, notes=("bridge, 94",)))},
-    "docs/measurements/goal.md": {"goal-short": ("goal", short(goal))},
     "docs/measurements/siconos.md": {"peers-short": ("peers", short(peers))},
     "docs/measurements/micro.md": {"micro-short": ("micro", short(micro))},
     "docs/dual.md": {
@@ -72,7 +69,7 @@ blocks = {
     },
     "docs/slabs.md": {"scale": ("scale", studies.scale)},
     "docs/nonlinear.md": {"nonlinear-short": ("nonlinear", short(nonlinear, tables=1, notes=("`",)))},
-    "docs/papers/laplace.md": {"papers-laplace": ("paper", laplace)},
+    "docs/papers/laplace.md": {"papers-laplace": ("paper", laplace), "papers-times": ("paper", times)},
     "docs/papers/galerkin.md": {"papers-galerkin": ("galerkin", galerkin_claims)},
     "docs/papers/goal.md": {"papers-goal": ("goal", goal_claims)},
     "docs/engineering.md": {"coverage": ("coverage", worth.coverage)},
@@ -106,13 +103,6 @@ appendices = {
         "auto-cpu": ("auto-cpu", studies.auto_choices),
     },
     "docs/measurements/tol.md": {"tol": ("tol", worth.tol)},
-    "docs/measurements/paper.md": {"paper": ("paper", paper)},
-    "docs/measurements/galerkin.md": {"galerkin": ("galerkin", galerkin)},
-    "docs/measurements/goal.md": {
-        "goal": ("goal", goal),
-        "goal-peers": ("goal-peers", goal_peers),
-        "adjoints": ("adjoints", adjoints),
-    },
     "docs/measurements/siconos.md": {"peers": ("peers", peers)},
     "docs/measurements/micro.md": {"micro": ("micro", micro), "convolution": ("convolution", studies.convolution)},
     "docs/measurements/gpu.md": {"gpu": ("gpu", device.gpu)},
@@ -138,8 +128,14 @@ appendices = {
     },
     "docs/slabs.md": {"scale-gpu": ("scale-gpu", studies.scale_gpu), "timeline": ("timeline-gpu", studies.timeline)},
     "docs/nonlinear.md": {"nonlinear": ("nonlinear", nonlinear), "nonlinear-gpu": ("nonlinear-gpu", nonlinear_device)},
-    "docs/papers/laplace.md": {"papers-case-one": ("paper", case_one)},
-    "docs/papers/goal.md": {"papers-multirate": ("multirate", multirate)},
+    "docs/papers/laplace.md": {"paper": ("paper", paper), "papers-case-one": ("paper", case_one)},
+    "docs/papers/galerkin.md": {"galerkin": ("galerkin", galerkin)},
+    "docs/papers/goal.md": {
+        "goal": ("goal", goal),
+        "goal-peers": ("goal-peers", goal_peers),
+        "adjoints": ("adjoints", adjoints),
+        "papers-multirate": ("multirate", multirate),
+    },
     "docs/scenes.md": {"scenes-full": ("scenes", studies.scenes_full)},
     "docs/stability.md": {
         "stability": ("stability", worth.stability),

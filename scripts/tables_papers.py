@@ -121,7 +121,7 @@ def laplace(paper):
         ("Fig. 4.9: what Euler has computed after 30 to 1200 s",
          "its first " + ", ".join(f"{100 * v:.2g}" for v in own["figure_4_9"]["shares"][:-1])
          + f" and {100 * own['figure_4_9']['shares'][-1]:.2g} % of the steps, by the times in the text; it is the solution up to that time (picture below)"),
-        ("Fig. 4.10, Table 4.1", "[tables](../measurements/paper.md)"),
+        ("Fig. 4.10, Table 4.1", "[times](#times)"),
         ("(5.1)-(5.2): nonlinear systems", "[nonlinear.md](../nonlinear.md)"),
     ]
     return table(["the paper", "here"], claims)
@@ -231,7 +231,7 @@ def goal_claims(data):
         ("Fig. 4, 0.6 R", f"{free('ph-toy, u = 0, 0.6 R')}: midpoint is ahead. Agrees"),
         ("Figs. 5, 6, the ladder: the adapted grid is better", "I_loc with 200 steps: "
          + ", ".join(f"{number(r['I_loc'])} ({r['contestant']})" for r in ladder)
-         + "; with the settings of the tables it is not, with 20 cycles and other marking it is ([table](../measurements/goal.md)). With the "
+         + "; with the settings of the tables it is not, with 20 cycles and other marking it is (appendix). With the "
          "paper's indicator (4.4), 20 cycles from 20 steps and Dörfler's marking of "
          + ", ".join(f"{r['marking']}" for r in exact_6) + " I_loc is "
          + ", ".join(f"{r['I_loc'] / r['I_loc_uniform']:.2f}" for r in exact_6) + " times that of equal steps by the exact adjoint and "
