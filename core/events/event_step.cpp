@@ -189,6 +189,14 @@ ComplexVector EventSteps::solve(std::size_t k, const ComplexVector& right) const
   return all;
 }
 
+// Collocation keeps the constraints of the mode but for rounding, that of terms of y which cancel. It is taken out: it
+// would add up from step to step.
+void EventSteps::hold_constraints(const SwitchedMode& mode, EventStep& step) const {
+  LegendreCoefficients off = step.x * mode.constraints.x.transpose() + without_x(mode.constraints, step);
+  off.row(0) -= legendre(0).transpose() * off;
+  step.x -= off * mode.onto.transpose();
+}
+
 EventStep EventSteps::attempt(const SwitchedMode& mode, EventPoint& p, double h) {
   const Collocation& c = Collocation::get();
   const Index m = system_.states(), n = system_.constraints();
@@ -215,6 +223,7 @@ EventStep EventSteps::attempt(const SwitchedMode& mode, EventPoint& p, double h)
     if (refined == 0) left = right - change + h * (c.integrals * step.x) * mode.A.transpose();
   }
   step.x.row(0) += p.x.transpose();
+  if (mode.constraints.x.rows() > 0) hold_constraints(mode, step);
   step.y = step.x * mode.y.x.transpose() + y_of_sources;
   step.w = step.x * system_.N.transpose() + step.y * system_.M.transpose() + step.sources.g;
   const EventSizes& size = step.sizes = p.sizes.with(step);

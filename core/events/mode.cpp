@@ -359,12 +359,14 @@ std::optional<SwitchedMode> make_switched_mode(const SystemMatrices& s, const st
   }
   mode.A += s.B * mode.y.x;
   mode.w = sum(seen, s.M * mode.y);
-  for (const Jet* rows : {&mode.y, &mode.conditions}) {
+  for (const Jet* rows : {&mode.y, &mode.conditions, &mode.constraints}) {
     mode.uses_df = mode.uses_df || (rows->df.array() != 0).any();
     mode.uses_dg = mode.uses_dg || (rows->dg.array() != 0).any();
     mode.uses_ddg = mode.uses_ddg || (rows->ddg.array() != 0).any();
   }
-  if (mode.constraints.x.rows() > 0) mode.impulse = impulses(s, active, mode.constraints);
+  if (mode.constraints.x.rows() == 0) return mode;
+  mode.impulse = impulses(s, active, mode.constraints);
+  mode.onto = mode.constraints.x.completeOrthogonalDecomposition().pseudoInverse();
   return mode;
 }
 
