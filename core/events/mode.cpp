@@ -359,14 +359,21 @@ std::optional<SwitchedMode> make_switched_mode(const SystemMatrices& s, const st
   }
   mode.A += s.B * mode.y.x;
   mode.w = sum(seen, s.M * mode.y);
-  for (const Jet* rows : {&mode.y, &mode.conditions, &mode.constraints}) {
+  for (const Jet* rows : {&mode.y, &mode.conditions}) {
     mode.uses_df = mode.uses_df || (rows->df.array() != 0).any();
     mode.uses_dg = mode.uses_dg || (rows->dg.array() != 0).any();
     mode.uses_ddg = mode.uses_ddg || (rows->ddg.array() != 0).any();
   }
   if (mode.constraints.x.rows() == 0) return mode;
   mode.impulse = impulses(s, active, mode.constraints);
-  mode.onto = mode.constraints.x.completeOrthogonalDecomposition().pseudoInverse();
+  std::vector<Index> held;
+  for (Index i = 0; i < mode.constraints.x.rows(); ++i)
+    if (mode.constraints.dg.row(i).isZero(0)) held.push_back(i);
+  mode.onto = Matrix::Zero(s.states(), mode.constraints.x.rows());
+  if (held.empty()) return mode;
+  const Matrix rows = mode.constraints.x(held, Eigen::all);
+  const Matrix inverse = rows.completeOrthogonalDecomposition().pseudoInverse();
+  mode.onto(Eigen::all, held) = inverse;
   return mode;
 }
 

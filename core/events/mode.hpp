@@ -48,14 +48,14 @@ struct SwitchedMode {
   std::vector<Index> active;
   Matrix A;                                                 ///< m x m, x' = A x + B (y without its part of x) + f
   Jet y, w;                                                 ///< n rows each: y and w as functions of u
-  bool uses_df = false, uses_dg = false, uses_ddg = false;  ///< y or the constraints depend on these
+  bool uses_df = false, uses_dg = false, uses_ddg = false;  ///< y depends on these
   Jet constraints;                                          ///< rows that vanish on the states of this mode
   /// Rows without x that vanish on the sources of this mode: constraints that agree, like two equal rows of w.
   Jet conditions;
   Jet condition_terms;  ///< their terms, by absolute value
   Matrix impulse;       ///< n x constraints: p = impulse * (values of the constraints and of the rebound before it)
   Matrix velocities;    ///< constraints x n: what of w' is in the constraints
-  Matrix onto;          ///< m x constraints: x -= onto * (values of the constraints) is on them
+  Matrix onto;          ///< m x constraints: x -= onto * (their values) is on those without g'
 };
 
 /// Value of the rows, and the sum of the absolute values of their terms.
