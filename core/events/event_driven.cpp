@@ -241,7 +241,19 @@ class EventIntegration {
     at_.zero_w = step.zero_w;
     at_.integral += step.length * (step.y.transpose() * legendre_integrals(step.valid));
     at_.t = to;
+    if (mode_->constraints.x.rows() > 0) hold_constraints(step);
     if (step.valid >= 1) propose_length(step);
+  }
+
+  // The collocation of a step keeps the constraints of its mode but for rounding, which would add up from step to step.
+  void hold_constraints(const EventStep& step) {
+    const LegendreValues change = legendre(step.valid) - legendre(0);
+    const auto of = [&](const LegendreCoefficients& c, Index width) {
+      return c.size() > 0 ? Vector(c.transpose() * change) : Vector(Vector::Zero(width));
+    };
+    const JetValues u{of(step.x, m_),         of(step.sources.f, m_), of(step.df, m_),
+                      of(step.sources.g, n_), of(step.dg, n_),        of(step.ddg, n_)};
+    at_.x += regime_->system.B * (mode_->impulse * evaluate(mode_->constraints, u));
   }
 
   void propose_length(const EventStep& step) {

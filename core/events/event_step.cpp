@@ -82,6 +82,19 @@ Matrix moved_within(double h, const Matrix& A) {
   return h * (I - h * A).partialPivLu().inverse();
 }
 
+// Sizes of the numbers that made M. Where a reduction of larger equations has left M_ij, its rounding is not that of
+// M_ij but of these, |M_ij M_ji| = M_ii M_jj at most. No change of units changes that.
+Matrix sizes_behind(const Matrix& M) {
+  Matrix size = M.cwiseAbs();
+  for (Index i = 0; i < M.rows(); ++i)
+    for (Index j = 0; j < i; ++j) {
+      const double both = size(i, j) * size(j, i);
+      const double grown = both > 0 ? std::sqrt(std::abs(M(i, i) * M(j, j)) / both) : 1;
+      if (grown > 1) size(i, j) *= grown, size(j, i) *= grown;
+    }
+  return size;
+}
+
 // Whether a polynomial is nowhere above `zero` before `at`, where it is below -zero.
 bool is_never_above(const LegendreValues& coefficients, double at, double zero) {
   constexpr int looks = 16;
@@ -108,6 +121,7 @@ EventSteps::EventSteps(const SystemMatrices& system, const EventSources& sources
       tolerance_(tolerance),
       longest_(longest),
       rigid_((openings(system).array() > 0).any()),
+      sizes_behind_M_(sizes_behind(system.M)),
       by_f_within_span_(moved_within(span, system.A)),
       by_y_within_span_((by_f_within_span_ * system.B).cwiseAbs()),
       by_f_within_step_(moved_within(longest, system.A)),
@@ -252,8 +266,8 @@ Vector EventSteps::doubt(const SwitchedMode& mode, const EventStep& step) const 
   return off;
 }
 
-// Rounding of u on a step: of the values there, of x' in a state that its terms hold at zero, and of the derivatives of
-// sources. What has decayed to eps^2 of its largest value is zero.
+// Rounding of u on a step: of the values there and of M y, of x' in a state that its terms hold at zero, and of the
+// derivatives of sources. What has decayed to eps^2 of its largest value is zero.
 JetValues EventSteps::rounding_of(const EventStep& step) const {
   static const double steepest = Collocation::get().derivative.cwiseAbs().colwise().sum().maxCoeff();
   const auto& [f, g, off_f, off_g, unknown_f, unknown_g] = step.sources;
@@ -262,7 +276,7 @@ JetValues EventSteps::rounding_of(const EventStep& step) const {
   u.x = 64 * epsilon * (largest(step.x) + by_f_within_step_ * largest(f) + by_y_within_step_ * largest(step.y)) +
         epsilon * epsilon * step.sizes.u.x;
   u.f = 64 * epsilon * largest(f) + unknown_f;
-  u.g = 64 * epsilon * largest(g) + unknown_g;
+  u.g = 64 * epsilon * (largest(g) + sizes_behind_M_ * largest(step.y)) + unknown_g;
   u.df = grown * (4 * epsilon * largest(f) + unknown_f);
   u.dg = grown * (4 * epsilon * largest(g) + unknown_g);
   u.ddg = grown * u.dg;

@@ -91,7 +91,8 @@ class EventSteps {
   const SystemMatrices& system_;
   const EventSources& sources_;
   double T_, tolerance_, longest_;
-  bool rigid_;  ///< there are rigid contacts
+  bool rigid_;             ///< there are rigid contacts
+  Matrix sizes_behind_M_;  ///< n x n
   /// How constant values of f and y move the state within the span, and within the longest step.
   Matrix by_f_within_span_, by_y_within_span_, by_f_within_step_, by_y_within_step_;
   /// Positions: y does not act on their rates, nor do they depend on each other. They are eliminated.
