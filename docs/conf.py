@@ -3,13 +3,16 @@
     sphinx-build -c docs -W . OUT       from the root of the sources; tests/book/book.sh does it for the test
 
 The pages are plain Markdown that a Git host shows as well. So the root of the sources is the source folder, links are
-relative, and the tables of contents are made from the lists of links in docs/index.md.
+relative, and the tables of contents are made from the lists of links in docs/index.md. The long tables of the measurements, the
+appendices of pages, are only here: scripts/tables_of_pages.py makes them from bench/results.
 """
 import os
 import re
 import sys
 
 sys.path.insert(0, os.environ.get("BROMWICH_PYTHON_PACKAGE", ""))
+sys.path.insert(1, os.path.join(os.path.dirname(__file__), os.pardir, "scripts"))
+from tables_of_pages import with_appendix  # noqa: E402
 
 project = "bromwich"
 author = copyright = "bromwich developers"
@@ -64,7 +67,7 @@ def folder_links(app, name, text):
 
 
 def read(app, name, source):
-    text = folder_links(app, name, source[0])
+    text = folder_links(app, name, with_appendix(f"{name}.md", source[0]))
     if name == "docs/cpp":  # what Doxygen makes lies beside the pages
         text = text.replace("`cpp/index.html`", '<a href="../cpp/index.html">cpp/index.html</a>')
     source[0] = contents(text) if name == root_doc else text

@@ -175,6 +175,7 @@ Vector Section::vector(const std::string& key, Index size, Index line) const {
 }
 
 Vector Section::read_vector(const std::string& key, Index size, Index line) const {
+  if (size > 0 && require(key).is_number()) return Vector::Constant(size, number(key));
   if (size > 0 && !file(key) && single_text(key)) {
     Vector values(size);
     for (Index k = 0; k < size; ++k)

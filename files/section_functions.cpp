@@ -28,7 +28,8 @@ std::string Section::expression(const std::string& key) const { return time_expr
 const std::vector<std::string>& Section::texts_in_time(const std::string& key, Index size) const {
   return kept("the texts " + key, {double(size)}, [&] {
     std::vector<std::string> texts;
-    if (size == 1 && require(key).is_number()) return std::vector{time_expression(require(key), key)};
+    if (size > 0 && require(key).is_number())
+      return std::vector<std::string>(std::size_t(size), time_expression(require(key), key));
     if (size > 0 && single_text(key)) {
       for (Index i = 0; i < size; ++i) texts.push_back(document_->expressions.in_full(of_entry(key, i), where(key)));
       return texts;
@@ -118,7 +119,7 @@ FunctionValue Section::with_tables(const std::string& key, double last_time, Fun
 
 SwitchTimes Section::switch_times_of_texts(const std::string& key, double last_time, Index size) const {
   const Expressions& expressions = document_->expressions;
-  if (size == 1 && require(key).is_number()) return {{}, true};
+  if (size > 0 && require(key).is_number()) return {{}, true};
   if (size > 0 && single_text(key)) return expressions.switch_times(texts_in_time(key, size), last_time);
   std::vector<SwitchSearch> all;
   std::set<std::string> seen;

@@ -1,4 +1,4 @@
-"""The tables of docs/measurements/galerkin.md that come from `bromwich bench galerkin`."""
+"""The tables of docs/papers/galerkin.md that come from `bromwich bench galerkin`."""
 import evidence
 from evidence import machine, number, seconds
 

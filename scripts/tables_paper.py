@@ -180,6 +180,11 @@ def references(data):
     return f"march on a grid {min(finer)} to {max(finer)} times finer, which half its steps change by {number(known)} at most"
 
 
+def times(data):
+    """The times that the paper's text gives, and ours."""
+    return [*quoted_times(data), "", *note(data, "Equal steps"), slower(data), "", f"{machine(data)}."]
+
+
 def paper(data):
     return [
         *claims(data),

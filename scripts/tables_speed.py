@@ -69,8 +69,8 @@ def by_scene(data):
 
 
 def lost(data):
-    """The cases that the methods of the project lose, or do not solve."""
-    euler_wins, iteration_loses, ratios, literal, failures = [], [], [], [], {}
+    """The cases that the methods of the project lose."""
+    euler_wins, iteration_loses, ratios, literal = [], [], [], []
     for title, rows in by_scene(data).items():
         for error in targets:
             march, contour, euler, printed = (
@@ -88,11 +88,6 @@ def lost(data):
                 ratios.append((time["contour"] / time["march"], f"{title} at {error:.0e}"))
             if printed and march:
                 literal.append((time["printed"] / time["march"], f"{title} at {error:.0e}"))
-        for row in rows:
-            if row["status"] != "solved":
-                what = f"{row['literal_nodes'] + 1} nodes" if row["contestant"].endswith("nodes") else f"{row['steps']} steps"
-                place = failures.setdefault((title, row["contestant"], row["status"]), {})
-                place[what] = row["reason"]
     lines = []
     if euler_wins:
         lines.append("- Implicit Euler is the fastest at: " + "; ".join(euler_wins) + ".")
@@ -108,10 +103,20 @@ def lost(data):
                 f"- `{name}` is slower than `march` in {len(slower)} of {len(found)} cases, by {slower[0][0]:.3g} ({slower[0][1]}) to "
                 f"{slower[-1][0]:.3g} times ({slower[-1][1]})" + (f"; it is faster in {faster}." if faster else ".")
             )
-    for (title, name, status), places in failures.items():
-        reason = next(iter(places.values()))
-        lines.append(f"- {title}, `{name}`: {status} with {', '.join(places)} ({reason}).")
     return lines
+
+
+def not_solved(data):
+    """The runs that end without a solution, and why."""
+    failures = {}
+    for title, rows in by_scene(data).items():
+        for row in rows:
+            if row["status"] != "solved":
+                what = f"{row['literal_nodes'] + 1} nodes" if row["contestant"].endswith("nodes") else f"{row['steps']} steps"
+                place = failures.setdefault((title, row["contestant"], row["status"]), {})
+                place[what] = row["reason"]
+    return [f"- {title}, `{name}`: {status} with {', '.join(places)} ({next(iter(places.values()))})."
+            for (title, name, status), places in failures.items()]
 
 
 def times_faster(ratio):

@@ -17,6 +17,11 @@ def tol(data):
             f"{number(row['estimate']['y'])} | {number(row['error']['y'])} | {ratio[0]} | "
             f"{number(row['estimate']['x'])} | {number(row['error']['x'])} | {ratio[1]} | {row['status']} |"
         )
+    return lines + ["", *tol_share(data)]
+
+
+def tol_share(data):
+    """How many estimates are near the true error."""
     share = data["details"]["share"]
     found = "".join(
         f" Of {of} in {share[of]['good']} of {share[of]['results']} results"
@@ -24,7 +29,7 @@ def tol(data):
         + f". The smallest is {share[of]['smallest']:.2f}, the largest {share[of]['largest']:.3g}."
         for of in ("y", "x")
     )
-    return lines + ["", f"Estimate over true error between 0.5 and 3:{found} {machine(data)}."]
+    return [f"Estimate over true error between 0.5 and 3:{found} {machine(data)}."]
 
 
 def stability(data):
@@ -107,12 +112,10 @@ def engineering(data):
         label = name.removesuffix(", original")
         counts = [str(of["verdicts"].get(verdict, 0)) for verdict in verdicts]
         lines.append(f"| {label} | " + " | ".join(counts) + f" | {seconds(of['most_seconds'])} |")
-    lost = [f"{row['kind']} {row['seed']} {row['problem']} ({row['verdict']})" for row in data["not_right"]
-            if row["verdict"] not in ("none", "undecided")]
     return lines + [
         "",
         f"Seeds from {data['first_seed']} on, `--tol {data['tolerance']:.0e}`, method {data['method']}, CPU time of one thread, {data['most_seconds']:.0f} s each at "
-        f"most, {data['jobs']} at once on a machine with other work. Lost: {', '.join(lost) or 'none'}; reasons are in the file. {machine(data)}.",
+        f"most, {data['jobs']} at once on a machine with other work. What was lost, and why, is in the file. {machine(data)}.",
     ]
 
 

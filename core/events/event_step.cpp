@@ -154,6 +154,16 @@ double EventSteps::source_defect(const JetValues& size, const EventSources::Poly
   return std::max(tail(p.f, size.f, p.off_f, {}), tail(p.g, size.g, p.off_g, {}));
 }
 
+// Collocation keeps the constraints of the mode but for rounding, that of terms of y which cancel. It is taken out: it
+// would add up from step to step. Not where g' enters, whose rounding is larger.
+void EventSteps::hold_constraints(const SwitchedMode& mode, EventStep& step) const {
+  LegendreCoefficients off;
+  without_x(mode.constraints, step, off);
+  off.noalias() += step.x * mode.constraints.x.transpose();
+  off.row(0) -= legendre(0).transpose() * off;
+  step.x.noalias() -= off * mode.onto.transpose();
+}
+
 void EventSteps::attempt(const SwitchedMode& mode, EventPoint& p, double h, EventStep& step) {
   const Collocation& c = Collocation::get();
   const Index m = system_.states(), n = system_.constraints();
@@ -165,6 +175,7 @@ void EventSteps::attempt(const SwitchedMode& mode, EventPoint& p, double h, Even
   input_.row(0).noalias() += p.x.transpose() * mode.A.transpose();
   const LegendreCoefficients& whole = propagators_.move(mode, h, input_, step.x, p.work);
   step.x.row(0) += p.x.transpose();
+  if (!rigid_ && mode.constraints.x.rows() > 0) hold_constraints(mode, step);
   step.y = y_of_sources_;
   step.y.noalias() += step.x * mode.y.x.transpose();
   step.w = step.sources.g;

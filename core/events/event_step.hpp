@@ -76,6 +76,7 @@ class EventSteps {
  private:
   void sample(const SwitchedMode&, double t, double h, EventStep&) const;
   void attempt(const SwitchedMode&, EventPoint&, double h, EventStep&);
+  void hold_constraints(const SwitchedMode&, EventStep&) const;
   bool sources_agree(const SwitchedMode&, const JetValues& size, const EventStep&) const;
   bool y_is_known(const EventStep&) const;
   void find_event(const SwitchedMode&, const std::vector<char>* free, EventStep&) const;

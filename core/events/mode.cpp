@@ -374,7 +374,16 @@ std::optional<SwitchedMode> make_switched_mode(const SystemMatrices& s, const st
     mode.uses_dg = mode.uses_dg || (rows->dg.array() != 0).any();
     mode.uses_ddg = mode.uses_ddg || (rows->ddg.array() != 0).any();
   }
-  if (mode.constraints.x.rows() > 0) mode.impulse = impulses(s, active, mode.constraints);
+  if (mode.constraints.x.rows() == 0) return mode;
+  mode.impulse = impulses(s, active, mode.constraints);
+  std::vector<Index> held;
+  for (Index i = 0; i < mode.constraints.x.rows(); ++i)
+    if (mode.constraints.dg.row(i).isZero(0)) held.push_back(i);
+  mode.onto = Matrix::Zero(s.states(), mode.constraints.x.rows());
+  if (held.empty()) return mode;
+  const Matrix rows = mode.constraints.x(held, Eigen::all);
+  const Matrix inverse = rows.completeOrthogonalDecomposition().pseudoInverse();
+  mode.onto(Eigen::all, held) = inverse;
   return mode;
 }
 

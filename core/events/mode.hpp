@@ -55,6 +55,7 @@ struct SwitchedMode {
   Jet condition_terms;  ///< their terms, by absolute value
   Matrix impulse;       ///< n x constraints: p = impulse * (values of the constraints and of the rebound before it)
   Matrix velocities;    ///< constraints x n: what of w' is in the constraints
+  Matrix onto;          ///< m x constraints: x -= onto * (their values) is on those without g'
 };
 
 /// Value of the rows, and the sum of the absolute values of their terms.

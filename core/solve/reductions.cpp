@@ -11,7 +11,10 @@
 #include "core/solve/scaling.hpp"
 #include "core/solve/symmetric_form.hpp"
 
+#include <Eigen/LU>
+
 #include <algorithm>
+#include <limits>
 #include <numeric>
 #include <utility>
 
@@ -26,6 +29,25 @@ constexpr Index smallest_sparse = 512;
 // factorization of a sparse one. (Whether a sparse march divides its steps is a question for Methods::march.)
 constexpr Index smallest_sparse_with_parts = 128;
 constexpr double most_filled = 1.0 / 16;  ///< of a matrix that is factorized in much less time
+
+// Conditions on x(0) alone are an initial value.
+std::optional<Reduction> initial_value(const Scene& scene, const InnerOptions& options) {
+  if (!scene.boundary || !scene.boundary->ET.isZero(0)) return std::nullopt;
+  const BoundaryCondition c = *scene.boundary;
+  const Vector sizes = c.E0.rowwise().lpNorm<1>().cwiseMax(std::numeric_limits<double>::min());
+  const Eigen::FullPivLU<Matrix> E0(sizes.cwiseInverse().asDiagonal() * c.E0);
+  if (!E0.isInvertible()) return std::nullopt;
+  Reduction made{scene, options};
+  made.scene.boundary.reset();
+  made.scene.x0 = E0.solve(c.b.cwiseQuotient(sizes));
+  made.finish = [residual =
+                     (c.E0 * made.scene.x0 - c.b).cwiseAbs().maxCoeff() / std::max(1.0, c.b.cwiseAbs().maxCoeff()),
+                 x0 = made.scene.x0](Result& r) {
+    r.boundary_residual = residual;
+    r.start = x0;
+  };
+  return made;
+}
 
 // Memories become states, and rows that watch. Nothing of that is of use to another solve.
 std::optional<Reduction> memory_rows(const Scene& scene, const InnerOptions& options) {
@@ -180,7 +202,7 @@ bool becomes_dense(const Scene& scene, const InnerOptions& options) {
 
 const std::vector<Reduce>& reductions_of_scene() {
   // E of small sparse dynamics can be eliminated once they are dense.
-  static const std::vector<Reduce> list{memory_rows,      columns_of_f,   mass_matrix,    symmetric_form,
+  static const std::vector<Reduce> list{initial_value,    memory_rows,    columns_of_f,   mass_matrix, symmetric_form,
                                         natural_units_of, no_constraints, dense_matrices, mass_matrix};
   return list;
 }

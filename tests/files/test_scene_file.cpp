@@ -75,6 +75,18 @@ TEST(SceneFile, ReadsAMassMatrix) {
   EXPECT_TRUE(refused.starts_with("my.toml:8: dynamics.E")) << refused;
 }
 
+TEST(SceneFile, OneNumberIsThatOfAllEntries) {
+  const Scene scene = parse(
+                          "[dynamics]\nA = \"tridiag(3, 1, -2, 1)\"\nB = \"identity(3)\"\nx0 = 0.5\nf = 2\n"
+                          "[complementarity]\nN = \"identity(3)\"\nM = 1\ng = -1\n[time]\nT = 1\n")
+                          .scene;
+  EXPECT_EQ(scene.x0, Vector::Constant(3, 0.5));
+  Vector f(3), g(3);
+  scene.f(0.3, f), scene.g(0.3, g);
+  EXPECT_EQ(f, Vector::Constant(3, 2));
+  EXPECT_EQ(g, Vector::Constant(3, -1));
+}
+
 TEST(SceneFile, NameAndStepsHaveDefaults) {
   const SceneFile file = parse_scene(lines(small_scene), "folder/rc.toml");
   EXPECT_EQ(file.scene.name, "rc");

@@ -116,7 +116,7 @@ TEST(SceneFile, MistakesInParametersAndMatricesNameFileLineAndKey) {
 TEST(SceneFile, MistakesInFunctionsAndTimesNameFileLineAndKey) {
   expect_refused({
       // vectors and functions
-      {with(7, "x0 = 3"), "my.toml:7: dynamics.x0: found 3; give a list"},
+      {with(7, "x0 = true"), "my.toml:7: dynamics.x0: found true; give a list"},
       {with(7, "x0 = [3, 4]"), "my.toml:7: dynamics.x0: has 2 entries; give 1, one per state"},
       {with(7, "x0 = [\"1/0\"]"), "my.toml:7: dynamics.x0: '1/0' is infinite"},
       {with(7, "x0 = [3]\nf = true"), "my.toml:8: dynamics.f: found true; give a list of expressions"},

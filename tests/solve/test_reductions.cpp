@@ -76,5 +76,36 @@ TEST(Reductions, ValuesBetweenTimePointsAreThoseOfTheStatedScene) {
   }
 }
 
+// x' = a x - y held at x <= 1: x = min(1, x(0) e^{a t}). e^{80} says nothing of conditions on x(0) alone.
+Scene held(double a) {
+  Scene scene;
+  scene.name = "held";
+  scene.dynamics = DenseDynamics{Matrix{{a, 0}, {0, -1}}, Matrix{{-1}, {0}}, Matrix{{-1, 0}}};
+  scene.M = Matrix{{0}};
+  scene.g = [](double, Eigen::Ref<Vector> g) { g[0] = 1; };
+  scene.boundary = BoundaryCondition{Matrix{{2, 1}, {0, 4}}, Matrix::Zero(2, 2), Vector{{2 + 0.2 / a, 8}}};
+  scene.T = 1;
+  return scene;
+}
+
+TEST(Reductions, ConditionsOnTheStartAloneAreAnInitialValue) {
+  const auto backend = make_cpu_backend(1);
+  for (const auto& [method, a] : {std::pair(Method::automatic, 80), std::pair(Method::events, 80),
+                                  std::pair(Method::march, 80), std::pair(Method::galerkin, 3)}) {
+    SCOPED_TRACE(to_string(method));
+    Options options;
+    options.method = method;
+    if (method != Method::events) options.steps = 400;
+    options.states = StateSelection::all;
+    const Result r = solve(held(a), *backend, options);
+    ASSERT_EQ(r.status, Status::solved) << r.reason;
+    EXPECT_LE(*r.boundary_residual, 1e-15);
+    for (Index j = 0; j < Index(r.t.size()); ++j) {
+      EXPECT_NEAR(r.x(j, 0), std::min(1.0, 0.1 / a * std::exp(a * r.t[j])), 1e-3 * a) << r.t[j];
+      EXPECT_NEAR(r.x(j, 1), 2 * std::exp(-r.t[j]), 1e-6) << r.t[j];
+    }
+  }
+}
+
 }  // namespace
 }  // namespace bromwich
