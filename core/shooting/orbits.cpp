@@ -107,7 +107,7 @@ std::optional<Orbit> Orbits::first() {
   return from(found.x0, from_);
 }
 
-std::optional<Orbit> Orbits::from(const Vector& x0, double p) {
+std::optional<Orbit> Orbits::from(const Vector& x0, double p, bool with_derivative) {
   const Stated s = stated(p);
   Orbit o{p, s.scene, s.condition, {}, x0};
   EventOptions options;
@@ -130,7 +130,7 @@ std::optional<Orbit> Orbits::from(const Vector& x0, double p) {
   }
   o.size = sizes_of(o.flow);
   o.F = o.condition.E0 * o.x0 + o.condition.ET * end_of_flow(o.flow) - o.condition.b;
-  o.D = FlowDerivative(*s.scene).at_end(o.flow);
+  if (with_derivative) o.D = FlowDerivative(*s.scene).at_end(o.flow);
   o.form = form_of(o.flow, s.scene->constraints());
   if (o.D.allFinite() && o.F.allFinite()) return o;
   why_ = "changes of x(0) grow without bounds";
@@ -142,7 +142,7 @@ std::optional<Vector> Orbits::by_parameter(const Orbit& o, const Vector& along) 
   const Vector of_x = (o.condition.E0 + o.condition.ET * o.D) * along.head(m);
   std::optional<Vector> slope;
   for (const double share : {1.0, -1.0, nearer, -nearer}) {
-    const auto there = from(o.x0 + share * along.head(m), o.p + share * along[m]);
+    const auto there = from(o.x0 + share * along.head(m), o.p + share * along[m], false);
     if (!there) continue;
     if (!slope || there->form == o.form) slope = ((there->F - o.F) / share - of_x) / along[m];
     if (there->form == o.form) break;

@@ -18,34 +18,34 @@ namespace {
 
 /// A row for each point.
 template <class Value>
-auto rows(const Branch& b, Index width, const Value& value) {
+auto table_of(const Branch& b, Index width, const Value& value) {
   using Scalar = typename std::decay_t<decltype(value(b.points[0]))>::value_type;
   Eigen::Matrix<Scalar, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> all(Index(b.points.size()), width);
   for (Index i = 0; i < all.rows(); ++i) {
     const auto row = value(b.points[std::size_t(i)]);
     for (Index j = 0; j < width; ++j) all(i, j) = row[std::size_t(j)];
   }
-  return owned(std::move(all));
+  return bromwich::python::owned(std::move(all));
 }
 
-std::vector<double> list(const Vector& v) { return {v.begin(), v.end()}; }
+std::vector<double> numbers(const Vector& v) { return {v.begin(), v.end()}; }
 
-nb::dict dict_of(const Branch& b) {
+nb::dict dict_of_branch(const Branch& b) {
   const Index m = b.points.empty() ? 0 : b.points[0].x0.size();
   nb::dict d;
-  d["parameter"] = rows(b, 1, [](const BranchPoint& p) { return std::vector<double>{p.parameter}; });
-  d["T"] = rows(b, 1, [](const BranchPoint& p) { return std::vector<double>{p.T}; });
-  d["x0"] = rows(b, m, [](const BranchPoint& p) { return list(p.x0); });
-  d["least"] = rows(b, m, [](const BranchPoint& p) { return list(p.least); });
-  d["largest"] = rows(b, m, [](const BranchPoint& p) { return list(p.largest); });
-  d["multipliers"] = rows(b, m, [](const BranchPoint& p) { return p.multipliers; });
+  d["parameter"] = table_of(b, 1, [](const BranchPoint& p) { return std::vector<double>{p.parameter}; });
+  d["T"] = table_of(b, 1, [](const BranchPoint& p) { return std::vector<double>{p.T}; });
+  d["x0"] = table_of(b, m, [](const BranchPoint& p) { return numbers(p.x0); });
+  d["least"] = table_of(b, m, [](const BranchPoint& p) { return numbers(p.least); });
+  d["largest"] = table_of(b, m, [](const BranchPoint& p) { return numbers(p.largest); });
+  d["multipliers"] = table_of(b, m, [](const BranchPoint& p) { return p.multipliers; });
   nb::list stable, impacts, marks;
   for (const BranchPoint& p : b.points) {
     stable.append(p.stable);
     impacts.append(p.impacts);
   }
   for (const BranchMark& k : b.marks)
-    marks.append(nb::make_tuple(to_string(k.event), k.parameter, list(k.x0), k.after, k.component));
+    marks.append(nb::make_tuple(to_string(k.event), k.parameter, numbers(k.x0), k.after, k.component));
   d["stable"] = stable;
   d["impacts"] = impacts;
   d["marks"] = marks;
@@ -70,7 +70,7 @@ nb::dict follow(const nb::object& scene_of, double start, double end, double lon
     const nb::gil_scoped_acquire lock;
     return nb::cast<std::shared_ptr<const Model>>(scene_of(p))->scene;
   };
-  return dict_of(interruptible([&] { return continuation(scene, start, end, options); }));
+  return dict_of_branch(interruptible([&] { return continuation(scene, start, end, options); }));
 }
 
 }  // namespace

@@ -19,7 +19,7 @@ def test_the_response_of_a_linear_structure():
     # Steps of 1e-9 of the states, 16 a period, and (I - D)^{-1} below 10.
     np.testing.assert_allclose(b.amplitude("q0"), exact, rtol=1e-6)
     np.testing.assert_allclose(b.amplitude(1), b.parameter * exact, rtol=1e-6)
-    np.testing.assert_allclose(b.T, 2 * pi / b.parameter)
+    np.testing.assert_allclose(b.T, 2 * pi / b.parameter, rtol=1e-6)
     assert b.x0.shape == b.multipliers.shape == (b.parameter.size, 2)
     ax = b.plot("q0", name="w")
     assert ax.get_xlabel() == "w" and ax.get_ylabel() == "amplitude of q0"

@@ -187,7 +187,6 @@ TEST(Continuation, FindsWhereAJenkinsElementBeginsToSlip) {
       EXPECT_NEAR(found, size, 1e-6 * size) << p.parameter;
       ++sticks;
     } else {
-      EXPECT_LE(found, 1.5 * size);
       EXPECT_GE(p.largest[2] - p.least[2], 1 - 1e-6);  // the force goes from one bound to the other
     }
   }
@@ -231,7 +230,6 @@ Vector stepped(double w, const Vector& x0, int steps) {
   return x;
 }
 
-// 200 points take about 2e9 instructions.
 TEST(Continuation, FrequencyResponseOfTwoJenkinsElementsReturnsByTimeStepping) {
   ContinuationOptions options;
   options.longest_step = 0.006;
