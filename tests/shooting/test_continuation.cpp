@@ -4,8 +4,8 @@
 #include "bromwich/continuation.hpp"
 #include "tests/mechanics/mechanisms.hpp"
 
-#include <Eigen/LU>
 #include <gtest/gtest.h>
+#include <Eigen/LU>
 
 #include <algorithm>
 #include <cmath>
