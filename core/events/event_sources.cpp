@@ -157,6 +157,7 @@ void EventSources::look_up(Index k, double at_time) const {
 Index EventSources::look_between(double t, double h, Polynomials& p) const {
   constexpr double golden = 0.6180339887498949;
   constexpr Index all = SourceLooks::count;
+  if (scene_.no_pulses) return 0;
   const double T = scene_.T, margin = inside * T;
   const Index first = std::clamp<Index>(Index(t / T * all), 0, all - 1),
               last = std::clamp<Index>(Index((t + h) / T * all), 0, all - 1);

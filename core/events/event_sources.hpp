@@ -41,8 +41,8 @@ class EventSources {
   void sample(double t, double h, Polynomials&) const;
   /// Increases the differences to those at both ends: a kink may lie between an end and the next sample.
   void look_at_ends(double t, double h, Polynomials&) const;
-  /// Increases the differences to those at the times of SourceLooks: a pulse may lie between the samples. Returns how
-  /// many these are.
+  /// Increases the differences to those at the times of SourceLooks: a pulse may lie between the samples, unless the
+  /// scene knows of none. Returns how many these are.
   Index look_between(double t, double h, Polynomials&) const;
 
  private:

@@ -3,6 +3,7 @@
 #include "core/events/collocation.hpp"
 #include "core/events/switched_system.hpp"
 #include "core/numerics/matrix_phi.hpp"
+#include "core/shooting/extremes.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -45,21 +46,42 @@ const Matrix& FlowDerivative::propagator(const SwitchedMode* mode, double length
 }
 
 Matrix FlowDerivative::at_end(const EventSolution& s) {
-  return carried(s, Matrix::Identity(scene_.states(), scene_.states()), nullptr);
+  return carried(s, Matrix::Identity(scene_.states(), scene_.states()), {});
 }
 
 FlowChange FlowDerivative::along(const EventSolution& s, const Vector& dx0) {
   FlowChange most{dx0.cwiseAbs(), Vector::Zero(scene_.constraints())};
-  carried(s, dx0, &most);
+  carried(s, dx0, [&most](const EventPiece&, const SwitchedMode& mode, bool, const Matrix& dx) {
+    most.x = most.x.cwiseMax(dx.col(0).cwiseAbs());
+    most.y = most.y.cwiseMax((mode.y.x * dx.col(0)).cwiseAbs());
+  });
   return most;
 }
 
-Matrix FlowDerivative::carried(const EventSolution& s, Matrix dx, FlowChange* most) {
-  const auto note = [&](const SwitchedMode& mode) {
-    if (!most) return;
-    most->x = most->x.cwiseMax(dx.col(0).cwiseAbs());
-    most->y = most->y.cwiseMax((mode.y.x * dx.col(0)).cwiseAbs());
-  };
+FlowMargins FlowDerivative::margins(const EventSolution& s, const Matrix& dx0) {
+  const Index n = scene_.constraints();
+  std::vector<char> ever(std::size_t(n), 0), always(std::size_t(n), 1);
+  FlowMargins all{Vector::Constant(n, INFINITY), Matrix::Zero(n, dx0.cols())};
+  carried(s, dx0, [&](const EventPiece& p, const SwitchedMode& mode, bool end, const Matrix& dx) {
+    if (end) return;
+    const Matrix of_y = mode.y.x * dx, of_w = mode.w.x * dx;
+    for (Index i = 0; i < n; ++i) {
+      const bool active = std::binary_search(p.active.begin(), p.active.end(), i);
+      (active ? ever : always)[std::size_t(i)] = active;
+      const Vector c = values_of(p, i, active);
+      const double least = extremes_of(c, end_of(p)).least;
+      if (!(least < all.least[i])) continue;
+      all.least[i] = least;
+      all.change.row(i) = (active ? of_y : of_w).row(i);
+    }
+  });
+  std::vector<Index> kept;
+  for (Index i = 0; i < n; ++i)
+    if (ever[std::size_t(i)] == always[std::size_t(i)]) kept.push_back(i);
+  return {all.least(kept), all.change(kept, Eigen::all)};
+}
+
+Matrix FlowDerivative::carried(const EventSolution& s, Matrix dx, const Note& note) {
   for (const Memory& memory : scene_.memories) dx.row(memory.state).setZero();
   const EventPiece* before = nullptr;
   for (const EventPiece& p : s.pieces) {
@@ -68,9 +90,9 @@ Matrix FlowDerivative::carried(const EventSolution& s, Matrix dx, FlowChange* mo
       pass(before, p, dx);
       if (mode->constraints.x.rows() > 0)
         dx += system_of(p).regime.system.B * (mode->impulse * (mode->constraints.x * dx));
-      note(*mode);
+      if (note) note(p, *mode, false, dx);
       dx = propagator(mode, p.end - p.begin) * dx;
-      note(*mode);
+      if (note) note(p, *mode, true, dx);
     }
     before = p.passed ? nullptr : &p;
   }
@@ -95,20 +117,22 @@ void FlowDerivative::pass(const EventPiece* before, const EventPiece& after, Mat
 Eigen::RowVectorXd FlowDerivative::moved_times(const EventPiece& before, const Matrix& dx) {
   constexpr double grazing = 1e-12;
   const SwitchedMode& mode = *mode_of(before, before.active);
-  const Regime& regime = system_of(before).regime;
   const Index i = before.event;
   const bool active = std::binary_search(before.active.begin(), before.active.end(), i);
-  Eigen::RowVectorXd row = mode.y.x.row(i);
-  Vector c = before.y.col(i);
-  if (!active) {
-    row = regime.system.N.row(i) + regime.system.M.row(i) * mode.y.x;
-    c = before.x * regime.system.N.row(i).transpose() + before.y * regime.system.M.row(i).transpose() +
-        regime.sources.sample(before.begin, before.length).g.col(i);
-  }
+  const Eigen::RowVectorXd row = (active ? mode.y : mode.w).x.row(i);
+  const Vector c = values_of(before, i, active);
   const Vector slopes = Collocation::get().derivative * c;
   const double slope = legendre(end_of(before)).dot(slopes);
   if (!(std::abs(slope) > grazing * c.cwiseAbs().sum())) return Eigen::RowVectorXd::Zero(dx.cols());
   return row * dx * (-before.length / slope);
+}
+
+// Of y_i, or else of w_i: Legendre coefficients.
+Vector FlowDerivative::values_of(const EventPiece& p, Index i, bool of_y) {
+  if (of_y) return p.y.col(i);
+  const Regime& regime = system_of(p).regime;
+  return p.x * regime.system.N.row(i).transpose() + p.y * regime.system.M.row(i).transpose() +
+         regime.sources.sample(p.begin, p.length).g.col(i);
 }
 
 // f and g with their derivatives at a place of a piece; x is that of the piece.

@@ -19,6 +19,7 @@
 #include "../events/mode.hpp"
 #include "../events/regime.hpp"
 
+#include <functional>
 #include <map>
 #include <optional>
 #include <utility>
@@ -31,6 +32,12 @@ struct FlowChange {
   Vector x, y;  ///< m and n
 };
 
+/// Of those components of y and w that do not switch on the way: their least value, and its change by k directions.
+struct FlowMargins {
+  Vector least;
+  Matrix change;  ///< a row for each of them, k columns
+};
+
 class FlowDerivative {
  public:
   /// A scene with dense dynamics that outlives the object. What solutions have in common is kept.
@@ -40,6 +47,8 @@ class FlowDerivative {
   Matrix at_end(const EventSolution&);
   /// For a change of x(0).
   FlowChange along(const EventSolution&, const Vector& dx0);
+  /// For changes of x(0) by the columns.
+  FlowMargins margins(const EventSolution&, const Matrix& dx0);
 
  private:
   /// The scene in the modes of a piece, with its active sets.
@@ -52,7 +61,10 @@ class FlowDerivative {
   System& system_of(const EventPiece&);
   const SwitchedMode* mode_of(const EventPiece&, const std::vector<Index>& active);
   const Matrix& propagator(const SwitchedMode*, double length);
-  Matrix carried(const EventSolution&, Matrix dx, FlowChange* most);
+  /// `note`: called at both ends of each piece.
+  using Note = std::function<void(const EventPiece&, const SwitchedMode&, bool end, const Matrix& dx)>;
+  Matrix carried(const EventSolution&, Matrix dx, const Note& note);
+  Vector values_of(const EventPiece&, Index component, bool of_y);
   void pass(const EventPiece* before, const EventPiece& after, Matrix& dx);
   Eigen::RowVectorXd moved_times(const EventPiece& before, const Matrix& dx);
   JetValues values_at(const EventPiece&, double at);

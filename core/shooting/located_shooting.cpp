@@ -36,11 +36,6 @@ constexpr double settles = 0.99;          ///< of F before some periods, at most
 constexpr double drifting = 1e-2;         ///< of what a period moves: difference to the one before
 constexpr double most_at_once = 1 << 16;  ///< periods
 
-Vector end_of_flow(const EventSolution& s) {
-  const EventPiece& last = s.pieces.back();
-  return last.x.transpose() * legendre((last.end - last.begin) / last.length);
-}
-
 class LocatedShooting {
  public:
   LocatedShooting(const Scene& scene, LcpClass lcp_class, const std::vector<double>& breakpoints,
@@ -95,17 +90,11 @@ class LocatedShooting {
     if (work_ > options_.most_work) return give_up("too many steps"), std::nullopt;
     scene_.x0 = x;
     Iterate it{x, {}};
-    // What counts as zero falls with the tolerance: signs may be known with a finer one.
-    for (double tolerance = options_.events.tolerance;; tolerance /= 10) {
-      EventOptions o = options_.events;
-      o.tolerance = tolerance;
-      o.looks = looks_;
-      it.flow = integrate_with_events(scene_, class_, breakpoints_, o);
-      ++solution_.flows;
-      work_ += it.flow.work;
-      const bool again = !it.flow.complete && !it.flow.interrupted && it.flow.end != EventEnd::out_of_work;
-      if (!again || tolerance < 10 * finest_flow) break;
-    }
+    EventOptions o = options_.events;
+    o.looks = looks_;
+    it.flow = integrate_closely(scene_, class_, breakpoints_, o);
+    ++solution_.flows;
+    work_ += it.flow.work;
     if (!it.flow.complete) {
       solution_.interrupted = it.flow.interrupted;
       return give_up(it.flow.reason), std::nullopt;
@@ -139,13 +128,6 @@ class LocatedShooting {
     return size.cwiseMax(least_size * most);
   }
 
-  void look_at_sizes(const EventSolution& s) {
-    size_.setZero();
-    for (const EventPiece& p : s.pieces)
-      for (const double at : {0.0, 0.5, 1.0})
-        size_ = size_.cwiseMax((p.x.transpose() * legendre(at * (p.end - p.begin) / p.length)).cwiseAbs());
-  }
-
   double defect_of(const Vector& F) const {
     const Vector of = (c_.E0.cwiseAbs() + c_.ET.cwiseAbs()) * size_of_states() + c_.b.cwiseAbs();
     double most = 0;
@@ -156,7 +138,7 @@ class LocatedShooting {
 
   void take(Iterate it) {
     now_ = std::move(it);
-    look_at_sizes(now_.flow);
+    size_ = sizes_of(now_.flow);
     now_.defect = defect_of(now_.F);
     solution_.history.push_back(now_.defect);
   }
@@ -264,7 +246,7 @@ class LocatedShooting {
       dx = ShootingMatrix(c_, D, size_of_states()).solve(-now_.F);
     }
     now_ = best;
-    look_at_sizes(now_.flow);
+    size_ = sizes_of(now_.flow);
     ahead_ = best.defect / 2;
     return false;
   }
@@ -315,6 +297,37 @@ class LocatedShooting {
 };
 
 }  // namespace
+
+EventSolution integrate_closely(const Scene& scene, LcpClass lcp_class, const std::vector<double>& breakpoints,
+                                EventOptions options) {
+  double work = 0;
+  for (;; options.tolerance /= 10) {
+    EventSolution s = integrate_with_events(scene, lcp_class, breakpoints, options);
+    s.work = work += s.work;
+    const bool again = !s.complete && !s.interrupted && s.end != EventEnd::out_of_work;
+    if (!again || options.tolerance < 10 * finest_flow) return s;
+  }
+}
+
+Vector end_of_flow(const EventSolution& s) {
+  const EventPiece& last = s.pieces.back();
+  return last.x.transpose() * legendre((last.end - last.begin) / last.length);
+}
+
+Vector sizes_of(const EventSolution& s) {
+  Vector size = Vector::Zero(s.pieces.front().x.cols());
+  for (const EventPiece& p : s.pieces)
+    for (const double at : {0.0, 0.5, 1.0})
+      size = size.cwiseMax((p.x.transpose() * legendre(at * (p.end - p.begin) / p.length)).cwiseAbs());
+  return size;
+}
+
+std::vector<Complex> multipliers_of(const Matrix& D) {
+  const ComplexVector values = Eigen::EigenSolver<Matrix>(D, false).eigenvalues();
+  std::vector<Complex> sorted(values.begin(), values.end());
+  std::stable_sort(sorted.begin(), sorted.end(), [](Complex a, Complex b) { return std::abs(a) > std::abs(b); });
+  return sorted;
+}
 
 bool is_periodic(const BoundaryCondition& c) {
   return c.E0 == -c.ET && (c.b.array() == 0).all() && Eigen::FullPivLU<Matrix>(c.E0).isInvertible();

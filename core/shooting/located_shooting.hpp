@@ -39,6 +39,17 @@ struct ShootingSolution {
   std::vector<double> history;  ///< F relative to its terms, after each step
 };
 
+/// integrate_with_events, with finer tolerances where it ends early: what counts as zero falls with the tolerance, and
+/// signs may be known then. The work is that of all.
+EventSolution integrate_closely(const Scene&, LcpClass lcp_class, const std::vector<double>& breakpoints, EventOptions);
+
+/// x(T) of a complete one, m values, and the largest values of the states.
+Vector end_of_flow(const EventSolution&);
+Vector sizes_of(const EventSolution&);
+
+/// Eigenvalues of the derivative of x(T) by x(0), the largest first.
+std::vector<Complex> multipliers_of(const Matrix& D);
+
 /// Whether the condition is x(0) = x(T).
 bool is_periodic(const BoundaryCondition&);
 

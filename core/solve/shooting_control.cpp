@@ -36,14 +36,6 @@ double residual_of(const BoundaryCondition& c, const Vector& first, const Vector
          std::max(1.0, c.b.cwiseAbs().maxCoeff());
 }
 
-// Eigenvalues, the largest first.
-std::vector<Complex> eigenvalues_of(const Matrix& D) {
-  const ComplexVector values = Eigen::EigenSolver<Matrix>(D, false).eigenvalues();
-  std::vector<Complex> sorted(values.begin(), values.end());
-  std::stable_sort(sorted.begin(), sorted.end(), [](Complex a, Complex b) { return std::abs(a) > std::abs(b); });
-  return sorted;
-}
-
 ShootingSolution shoot(const Scene& scene, const InnerOptions& options, double tolerance, const Vector& start) {
   ShootingOptions o;
   o.events.tolerance = tolerance;
@@ -59,7 +51,7 @@ void describe(const Scene& scene, const ShootingSolution& s, Result& r) {
   r.iterations = s.newton;
   r.history = s.history;
   r.start = s.x0;
-  if (is_periodic(c)) r.multipliers = eigenvalues_of(s.D);
+  if (is_periodic(c)) r.multipliers = multipliers_of(s.D);
   if (!s.determined && r.status == Status::solved) {
     r.well_posed = false;
     tell(r, {NoticeCode::several_starts});

@@ -40,6 +40,7 @@ from ._balance import Balance, ElementPower
 from ._backends import BackendInfo, backends, cuda_devices
 from ._circuit import Circuit, CircuitScene, circuit
 from ._circuit_map import CircuitMap
+from ._continuation import Branch, BranchMark, continuation
 from ._invert import Inverse, invert
 from ._lcp import LcpGradient, LcpResult, LcpTangent, lcp
 from ._mechanics import Contact, MechanicalScene, Structure
@@ -64,6 +65,8 @@ __all__ = [
     "Balance",
     "BatchDerivative",
     "BatchResult",
+    "Branch",
+    "BranchMark",
     "Circuit",
     "CircuitMap",
     "CircuitScene",
@@ -112,6 +115,7 @@ __all__ = [
     "__version__",
     "backends",
     "circuit",
+    "continuation",
     "cuda_devices",
     "invert",
     "lcp",

@@ -53,6 +53,7 @@ NB_MODULE(_core, m) {
   bind_ranks(m);
   bind_solving(m);
   bind_derivatives(m);
+  bind_continuation(m);
   bind_inversion(m);
   bind_lcp(m);
   bind_mechanics(m);

@@ -44,6 +44,7 @@ nb::dict dict_of(const Certificate&);
 void bind_arrays(nb::module_& m);
 void bind_batch(nb::module_& m);
 void bind_circuits(nb::module_& m);
+void bind_continuation(nb::module_& m);
 void bind_derivatives(nb::module_& m);
 void bind_errors(nb::module_& m);
 void bind_inversion(nb::module_& m);
