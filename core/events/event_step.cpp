@@ -156,12 +156,11 @@ double EventSteps::source_defect(const JetValues& size, const EventSources::Poly
 
 // Collocation keeps the constraints of the mode but for rounding, that of terms of y which cancel. It is taken out: it
 // would add up from step to step. Not where g' enters, whose rounding is larger.
-void EventSteps::hold_constraints(const SwitchedMode& mode, EventStep& step) const {
-  LegendreCoefficients off;
-  without_x(mode.constraints, step, off);
-  off.noalias() += step.x * mode.constraints.x.transpose();
-  off.row(0) -= legendre(0).transpose() * off;
-  step.x.noalias() -= off * mode.onto.transpose();
+void EventSteps::hold_constraints(const SwitchedMode& mode, EventStep& step) {
+  without_x(mode.constraints, step, off_);
+  off_.noalias() += step.x * mode.constraints.x.transpose();
+  off_.row(0) -= legendre(0).transpose() * off_;
+  step.x.noalias() -= off_ * mode.onto.transpose();
 }
 
 void EventSteps::attempt(const SwitchedMode& mode, EventPoint& p, double h, EventStep& step) {

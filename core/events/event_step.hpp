@@ -76,7 +76,7 @@ class EventSteps {
  private:
   void sample(const SwitchedMode&, double t, double h, EventStep&) const;
   void attempt(const SwitchedMode&, EventPoint&, double h, EventStep&);
-  void hold_constraints(const SwitchedMode&, EventStep&) const;
+  void hold_constraints(const SwitchedMode&, EventStep&);
   bool sources_agree(const SwitchedMode&, const JetValues& size, const EventStep&) const;
   bool y_is_known(const EventStep&) const;
   void find_event(const SwitchedMode&, const std::vector<char>* free, EventStep&) const;
@@ -97,7 +97,7 @@ class EventSteps {
   Matrix by_f_within_span_, by_y_within_span_, by_f_within_step_, by_y_within_step_;
   bool sign_is_lost_ = false;
   // Storage of an attempt.
-  LegendreCoefficients input_, y_of_sources_;
+  LegendreCoefficients input_, y_of_sources_, off_;
   JetValues rounding_;
   Vector terms_y_;
 };

@@ -45,7 +45,8 @@ class Orbits {
 
   /// The first periodic state, at `from`. Nothing: why() says more.
   std::optional<Orbit> first();
-  /// The motion from x(0), or from the nearest x(0) that fulfils the constraints, with D if it is asked for.
+  /// The motion that starts at x(0). If none does, it starts at the nearest x(0) that fulfils the constraints. Nothing:
+  /// why() says more. D is computed where `with_derivative` is set.
   std::optional<Orbit> from(const Vector& x0, double p, bool with_derivative = true);
   /// dF/dp by a difference of F along dz, m+1 values, and D: on the side where the form is the same if there is one.
   std::optional<Vector> by_parameter(const Orbit&, const Vector& along);

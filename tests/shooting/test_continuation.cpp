@@ -12,7 +12,7 @@
 #include <numbers>
 #include <optional>
 
-namespace bromwich {
+namespace bromwich::continuation_test {
 namespace {
 
 using std::numbers::pi;
@@ -281,4 +281,4 @@ TEST(Continuation, SaysWhatIsWrong) {
 }
 
 }  // namespace
-}  // namespace bromwich
+}  // namespace bromwich::continuation_test
