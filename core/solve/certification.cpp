@@ -157,7 +157,8 @@ void take_certificate(Result& result) {
   result.error_estimate = std::max(of_y, c.error_of_x);
   if (result.error_estimate <= worth_a_notice) return;
   const StepErrors errors{c.error_of_x, of_y, c.impulses};
-  if (std::min(c.typical_error_of_x, c.error_of_x) <= most_typical_error) return tell_errors(errors, result);
+  const bool typically_small = std::min(c.typical_error_of_x, c.error_of_x) <= most_typical_error;
+  if (result.error_estimate <= 1 && typically_small) return tell_errors(errors, result);
   demote(result, sentence(notice_of(errors)));
 }
 
