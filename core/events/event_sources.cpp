@@ -1,5 +1,7 @@
 #include "core/events/event_sources.hpp"
 
+#include "core/numerics/irregular.hpp"
+
 #include <algorithm>
 #include <cmath>
 #include <utility>
@@ -155,7 +157,6 @@ void EventSources::look_up(Index k, double at_time) const {
 }
 
 Index EventSources::look_between(double t, double h, Polynomials& p) const {
-  constexpr double golden = 0.6180339887498949;
   constexpr Index all = SourceLooks::count;
   if (scene_.no_pulses) return 0;
   const double T = scene_.T, margin = inside * T;
@@ -163,8 +164,7 @@ Index EventSources::look_between(double t, double h, Polynomials& p) const {
               last = std::clamp<Index>(Index((t + h) / T * all), 0, all - 1);
   if (last - first < Collocation::get().checks.size()) return 0;  // the checks see as much
   for (Index k = first; k <= last; ++k) {
-    const double irregular = golden * double(k) - std::floor(golden * double(k)),
-                 time = (double(k) + 0.1 + 0.8 * irregular) / double(all) * T;
+    const double time = (double(k) + 0.1 + 0.8 * irregular(double(k))) / double(all) * T;
     if (!(time > t + margin && time < t + h - margin)) continue;
     look_up(k, time);
     const LegendreValues there = legendre((time - t) / h);

@@ -1,6 +1,7 @@
 #include "core/scene/coarse_sources.hpp"
 
 #include "core/base/text.hpp"
+#include "core/numerics/irregular.hpp"
 #include "core/scene/source_steps.hpp"
 
 #include <algorithm>
@@ -18,8 +19,6 @@ constexpr Index most_looks = 64;         ///< into the steps of long grids, and 
 constexpr Index steps_of_a_look = 32;    ///< at first one step of so many
 constexpr int halvings_to_a_jump = 12;   ///< of a step
 constexpr double most_of_a_jump = 0.75;  ///< of what a source changes by in a step, in 2^-12 of it
-
-double fraction(double v) { return v - std::floor(v); }
 
 struct Look {
   double time, part;
@@ -42,12 +41,11 @@ class Looks {
  private:
   // Looks number k of a sequence without a pattern, at places in the middle part of steps.
   void take(Index from, Index to) {
-    constexpr double golden = 0.6180339887498949, silver = 0.4142135623730951;
     const Index J = t_.size() - 1;
     for (Index k = from; k < to; ++k) {
-      const Index j = std::min(J - 1, Index(double(J) * fraction((double(k) + 0.5) * golden)));
+      const Index j = std::min(J - 1, Index(double(J) * irregular(double(k) + 0.5)));
       if (holds_breakpoint(j)) continue;
-      Look look{0, 0.3 + 0.4 * fraction((double(k) + 0.5) * silver), {}, {}, {}};
+      Look look{0, 0.3 + 0.4 * irregular_beside(double(k) + 0.5), {}, {}, {}};
       look.time = t_[j] + look.part * (t_[j + 1] - t_[j]);
       source_.value(t_[j], look.left);
       source_.value(look.time, look.inside);

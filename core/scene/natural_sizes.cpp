@@ -1,5 +1,6 @@
 #include "core/scene/natural_sizes.hpp"
 
+#include "core/numerics/irregular.hpp"
 #include "core/scene/size_terms.hpp"
 
 #include <algorithm>
@@ -261,12 +262,10 @@ Vector largest_values(const TimeFunction& function, Index width, const Scene& sc
   Vector largest = Vector::Zero(width);
   if (!function) return largest;
   constexpr int samples = 16;
-  constexpr double golden = 0.6180339887498949;
   Vector value(width);
   for (int k = 0; k <= samples; ++k) {
-    const double at = k * golden;
     value.setZero();
-    function((at - std::floor(at)) * scene.T, value);
+    function(irregular(k) * scene.T, value);
     for (Index i = 0; i < width; ++i)
       if (std::isfinite(value[i])) largest[i] = std::max(largest[i], std::abs(value[i]));
   }

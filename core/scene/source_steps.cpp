@@ -2,6 +2,7 @@
 
 #include "core/base/interruption.hpp"
 #include "core/numerics/gauss_parabola.hpp"
+#include "core/numerics/irregular.hpp"
 
 #include <algorithm>
 #include <array>
@@ -135,26 +136,22 @@ class Inspection {
 
   // Compares values inside steps without breakpoints with the linear function: where one is far off, in all steps.
   void look_inside(bool every_step, Index spread) {
-    constexpr double golden = 0.6180339887498949, silver = 0.4142135623730951;
     const Index some = std::clamp<Index>(J_ / 32, 4, 64);
     bool off = !every_step && look_everywhere(spread);
     for (Index k = 0; k < some && !every_step; ++k) {
-      const double at = (double(k) + 0.5) * golden, part = (double(k) + 0.5) * silver;
-      const Index j = 1 + std::min(J_ - 1, Index(double(J_) * (at - std::floor(at))));
-      off |= misses(j, 0.15 + 0.7 * (part - std::floor(part)));
+      const double number = double(k) + 0.5;
+      const Index j = 1 + std::min(J_ - 1, Index(double(J_) * irregular(number)));
+      off |= misses(j, 0.15 + 0.7 * irregular_beside(number));
     }
     if (!every_step)
       for (const Index j : sudden_steps())
         for (const double part : looks) off |= misses(j, part);
     if (!every_step && !off) return;
-    for (Index j = 1; j <= J_; ++j) {
-      const double part = double(j) * silver;
-      off |= misses(j, 0.15 + 0.7 * (part - std::floor(part)));
-    }
+    for (Index j = 1; j <= J_; ++j) off |= misses(j, 0.15 + 0.7 * irregular_beside(double(j)));
     // A look sees a pulse inside a step only if it meets it, and one pulse does not stand for another.
     const Index count = std::clamp<Index>(most_looks / J_, Index(looks.size()), many_looks);
     for (Index j = 1; j <= J_ && off; ++j)
-      for (double k = 0; k < double(count); ++k) misses(j, (k + 0.5) * golden - std::floor((k + 0.5) * golden), true);
+      for (double k = 0; k < double(count); ++k) misses(j, irregular(k + 0.5), true);
   }
 
   // Values on a finer grid, whose times a source may compute all at once.

@@ -1,6 +1,7 @@
 // Estimates of the errors of a grid, and whether they meet the tolerance.
 
 #include "core/base/text.hpp"
+#include "core/numerics/irregular.hpp"
 #include "core/solve/error_control.hpp"
 #include "core/solve/grid_refinement.hpp"
 #include "core/solve/methods.hpp"
@@ -25,11 +26,11 @@ constexpr int looks_at_sources = 32;
 // Whether a source is no line on most of some intervals, which lie at irregular times: more than `share` of its size.
 bool changes_within(const TimeFunction& source, Index width, double T, double length, double share) {
   if (!source || width == 0) return false;
-  constexpr double golden = 0.6180339887498949, inside = 0.3819660112501051;
+  constexpr double inside = 0.3819660112501051;
   double size = 0;
   Vector from(width), between(width), to(width), off(looks_at_sources);
   for (int k = 0; k < looks_at_sources; ++k) {
-    const double t = (T - length) * std::fmod(golden * (k + 1), 1.0);
+    const double t = (T - length) * irregular(k + 1);
     source(t, from);
     source(t + inside * length, between);
     source(t + length, to);
