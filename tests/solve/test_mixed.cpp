@@ -256,7 +256,7 @@ TEST(Mixed, RegularityDoesNotDependOnUnits) {
 
 TEST(Mixed, BoundaryValuesAreRefusedByMethodsThatNeedInitialOnes) {
   Scene scene = prescribed(false, SourceEntry::state);
-  scene.boundary = BoundaryCondition{Matrix::Identity(3, 3), Matrix::Zero(3, 3), scene.x0};
+  scene.boundary = BoundaryCondition{Matrix::Identity(3, 3), -Matrix::Identity(3, 3), scene.x0};
   scene.x0 = {};
   for (const Method method :
        {Method::march, Method::contour, Method::multigrid, Method::euler, Method::contour_literal}) {
