@@ -53,17 +53,17 @@ class LocatedShooting {
 
   ShootingSolution run() {
     if (!begin()) return ended();
-    for (int periods = 0; !newton(); periods += later_periods) {
-      if (solution_.interrupted || periods == most_periods || !periodic_) return ended();
-      const double before = now_.defect;
-      const std::string why = why_;
+    // Steps of Newton's method through other pieces lead nearer, or far away. Periods go on from where they were, and
+    // from where the method has come.
+    Iterate settled = now_;
+    bool found = newton();
+    for (int periods = later_periods; !found && periods <= most_periods; periods += later_periods) {
+      Iterate reached = now_;
       ahead_ = INFINITY;
-      if (!settle(later_periods)) return ended();
-      if (now_.defect <= settles * before) continue;
-      if (newton_from_parts()) break;
-      if (solution_.interrupted) return ended();
-      give_up(why);
+      found = newton_behind_periods(settled) || newton_behind_periods(reached);
+      if (solution_.interrupted || !periodic_) break;
     }
+    if (!found) return ended();
     solution_.found = true;
     return std::move(solution_);
   }
@@ -143,6 +143,11 @@ class LocatedShooting {
     solution_.history.push_back(now_.defect);
   }
 
+  void resume(Iterate it) {
+    now_ = std::move(it);
+    size_ = sizes_of(now_.flow);
+  }
+
   void start_in_modes(Vector& x) const {
     const std::vector<Index> modes = modes_at_start(scene_);
     for (std::size_t k = 0; k < modes.size(); ++k) x[scene_.memories[k].state] = double(modes[k]);
@@ -179,6 +184,21 @@ class LocatedShooting {
       at_once = alike ? 2 * at_once : std::max(at_once / 4, 1.0);
     }
     return true;
+  }
+
+  // From periods behind `from`, which becomes their end. Where they do not bring F down, from parts of the last.
+  bool newton_behind_periods(Iterate& from) {
+    if (solution_.interrupted || !periodic_) return false;
+    const std::string why = why_;
+    const double before = from.defect;
+    resume(from);
+    if (!settle(later_periods)) return false;
+    from = now_;
+    if (now_.defect <= settles * before) return newton();
+    if (newton_from_parts()) return true;
+    if (solution_.interrupted) return false;
+    resume(from);
+    return give_up(why);
   }
 
   // Where the state does not settle, it goes around an unstable solution.
@@ -245,8 +265,7 @@ class LocatedShooting {
       if (!D.allFinite()) break;
       dx = ShootingMatrix(c_, D, size_of_states()).solve(-now_.F);
     }
-    now_ = best;
-    size_ = sizes_of(now_.flow);
+    resume(best);
     ahead_ = best.defect / 2;
     return false;
   }
