@@ -38,8 +38,9 @@ class EventIntegration {
         longest_(o.longest_step > 0 ? o.longest_step : T_ / 64),
         m_(scene.states()),
         n_(scene.constraints()),
-        regimes_(scene, lcp_class, {longest_span(), o.tolerance, longest_}, o.looks),
-        regime_(&regimes_.of(scene.x0)) {
+        regimes_(o.kept ? o.kept : keep_regimes()) {
+    regimes_->begin(scene, lcp_class, {longest_span(), o.tolerance, longest_});
+    regime_ = &regimes_->of(scene.x0);
     const Vector of_x = Vector::Zero(m_), of_y = Vector::Zero(n_);
     at_.sizes.u = {of_x, of_x, of_x, of_y, of_y, of_y};
     at_.h = longest_;
@@ -140,7 +141,7 @@ class EventIntegration {
     for (int k = 0; next.mode && change_modes(*next.mode, here, set); ++k) {
       if (k == most_changes_at_once) return give_up("modes with memory change without end");
       at_ = here;
-      regime_ = &regimes_.of(at_.x);
+      regime_ = &regimes_->of(at_.x);
       if (!note_regime()) return false;
       next = choose(pairs_of(next.mode->active), false);
     }
@@ -357,8 +358,8 @@ class EventIntegration {
   const EventOptions& options_;
   const double T_, longest_;
   const Index m_, n_;
-  RegimesOfScene regimes_;
-  RegimeSteps* regime_;
+  const std::shared_ptr<RegimesOfScene> regimes_;
+  RegimeSteps* regime_ = nullptr;
   EventPoint at_, here_, chosen_from_;
   EventStep step_;
   const SwitchedMode* mode_ = nullptr;
@@ -380,6 +381,8 @@ std::string unsuited_to_events(const Scene& scene) {
                 long(most_constraints));
   return scene.free_rows.empty() ? "" : "it takes no free rows";
 }
+
+std::shared_ptr<RegimesOfScene> keep_regimes() { return std::make_shared<RegimesOfScene>(); }
 
 EventSolution integrate_with_events(const Scene& scene, LcpClass lcp_class, const std::vector<double>& breakpoints,
                                     const EventOptions& options) {

@@ -25,11 +25,15 @@
 
 namespace bromwich {
 
+/// What integrations of a scene have made of it. Those from another x(0), or with another tolerance, take it over.
+class RegimesOfScene;
+std::shared_ptr<RegimesOfScene> keep_regimes();
+
 struct EventOptions {
   double tolerance = 1e-10;  ///< of the last coefficients, relative to the largest value of a component so far
   double longest_step = 0;   ///< 0: a 64th of T
   double most_work = 4e10;   ///< floating-point operations, about; more: the integration gives up
-  std::shared_ptr<SourceLooks> looks = {};  ///< of scenes with the same f, g and T
+  std::shared_ptr<RegimesOfScene> kept = {};  ///< of scenes that differ in x0 alone; null: nothing is kept
   std::function<bool()> interrupted = {};
   std::function<void(double t)> progress = {};
 };

@@ -108,30 +108,35 @@ EventSizes EventSizes::with(const EventStep& step) const {
   return all;
 }
 
-EventSteps::EventSteps(const SystemMatrices& system, const EventSources& sources, double T, double span,
-                       double tolerance, double longest)
+EventSteps::EventSteps(const SystemMatrices& system, const EventSources& sources, double T, const StepLimits& limits)
     : system_(system),
       sources_(sources),
       T_(T),
-      tolerance_(tolerance),
-      longest_(longest),
-      propagators_(system, longest),
-      rigid_((openings(system).array() > 0).any()),
-      by_f_within_span_(moved_within(span, system.A)),
-      by_y_within_span_((by_f_within_span_ * system.B).cwiseAbs()),
-      by_f_within_step_(moved_within(longest, system.A)),
-      by_y_within_step_((by_f_within_step_ * system.B).cwiseAbs()) {
+      propagators_(system, limits.longest),
+      rigid_((openings(system).array() > 0).any()) {
+  begin(limits);
+}
+
+void EventSteps::begin(const StepLimits& limits) {
+  sign_is_lost_ = false;
+  if (limits == limits_) return;
+  if (limits_.longest > 0 && limits.longest != limits_.longest) propagators_ = Propagators(system_, limits.longest);
+  limits_ = limits;
+  by_f_within_span_ = moved_within(limits.span, system_.A);
+  by_y_within_span_ = (by_f_within_span_ * system_.B).cwiseAbs();
+  by_f_within_step_ = moved_within(limits.longest, system_.A);
+  by_y_within_step_ = (by_f_within_step_ * system_.B).cwiseAbs();
   by_f_within_span_ = by_f_within_span_.cwiseAbs();
   by_f_within_step_ = by_f_within_step_.cwiseAbs();
 }
 
 // Up to the next breakpoint, by a time that recurs with it: times are known to rounding.
 double EventSteps::longest_from(const EventPoint& p) const {
-  const double h = std::min(p.h, longest_), rest = p.end - p.t, known = 4 * epsilon * T_;
+  const double h = std::min(p.h, limits_.longest), rest = p.end - p.t, known = 4 * epsilon * T_;
   return h < rest ? propagators_.grid_length(h) : std::max(1.0, std::round(rest / known)) * known;
 }
 
-double EventSteps::noise() const { return noise_share * tolerance_; }
+double EventSteps::noise() const { return noise_share * limits_.tolerance; }
 
 void EventSteps::sample(const SwitchedMode& mode, double t, double h, EventStep& step) const {
   sources_.sample(t, h, step.sources);
@@ -146,7 +151,7 @@ double EventSteps::sample_resolved(const SwitchedMode& mode, const EventPoint& p
   double h = longest_from(p) / 16;
   for (int k = 0;; ++k, h /= 4) {
     sample(mode, p.t, h, step);
-    if (k == most_shortened || source_defect(p.sizes.with(step).u, step.sources) <= 0.1 * tolerance_) return h;
+    if (k == most_shortened || source_defect(p.sizes.with(step).u, step.sources) <= 0.1 * limits_.tolerance) return h;
   }
 }
 
@@ -366,8 +371,8 @@ bool EventSteps::resolve(const SwitchedMode& mode, EventPoint& p, EventStep& ste
     // Where a shorter step does not help, rounding is left: t is known to 1e-16, and sin(1e5 t) to 1e-11. (A transient
     // far shorter than the step stays too, but is larger.)
     const bool rounding = step.defect <= rounding_tail && step.defect > 0.5 * before;
-    if (step.defect <= tolerance_) look_closer(p, step);
-    if (step.defect <= tolerance_ || rounding) {
+    if (step.defect <= limits_.tolerance) look_closer(p, step);
+    if (step.defect <= limits_.tolerance || rounding) {
       find_event(mode, free, step);
       const bool known = y_is_known(step);
       if (!known) sign_is_lost_ = true;
@@ -377,7 +382,7 @@ bool EventSteps::resolve(const SwitchedMode& mode, EventPoint& p, EventStep& ste
     before = step.defect;
     shortened = true;
     const double shorter = std::isfinite(step.defect)
-                               ? std::clamp(0.9 * std::pow(tolerance_ / step.defect, 1.0 / double(degree)), 0.1, 0.7)
+                               ? std::clamp(0.9 * std::pow(limits_.tolerance / step.defect, 1.0 / double(degree)), 0.1, 0.7)
                                : 0.1;
     h = propagators_.grid_length(shorter * h);
   }

@@ -51,11 +51,22 @@ struct EventPoint {
   double work = 0;  ///< floating-point operations so far, about
 };
 
+/// Of all steps of an integration.
+struct StepLimits {
+  double span = 0;       ///< the longest time without a breakpoint
+  double tolerance = 0;  ///< as in EventOptions
+  double longest = 0;
+
+  bool operator==(const StepLimits&) const = default;
+};
+
 class EventSteps {
  public:
-  /// `tolerance` and `longest` as in EventOptions; `span`: the longest time without a breakpoint. The first three have
-  /// to outlive the object.
-  EventSteps(const SystemMatrices&, const EventSources&, double T, double span, double tolerance, double longest);
+  /// The first two have to outlive the object.
+  EventSteps(const SystemMatrices&, const EventSources&, double T, const StepLimits&);
+
+  /// Before another integration.
+  void begin(const StepLimits&);
 
   double longest_from(const EventPoint& p) const;
   /// Values below this share of the sum of their terms count as zero.
@@ -90,7 +101,8 @@ class EventSteps {
 
   const SystemMatrices& system_;
   const EventSources& sources_;
-  double T_, tolerance_, longest_;
+  double T_;
+  StepLimits limits_;
   Propagators propagators_;
   bool rigid_;  ///< there are rigid contacts
   /// How constant values of f and y move the state within the span, and within the longest step.

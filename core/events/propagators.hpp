@@ -42,7 +42,7 @@ class Propagators {
   void propagate(const SwitchedMode&, double h, const LegendreCoefficients& input, Index degrees,
                  LegendreCoefficients& z, double& work);
 
-  const double longest_;
+  double longest_;
   /// Positions: y does not act on their rates, nor do they depend on each other. They are eliminated.
   std::vector<Index> positions_, others_;
   Matrix by_others_;  ///< the rates of positions by the others

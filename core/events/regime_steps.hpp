@@ -14,13 +14,6 @@
 
 namespace bromwich {
 
-/// Of all steps.
-struct StepLimits {
-  double span = 0;       ///< the longest time without a breakpoint
-  double tolerance = 0;  ///< as in EventOptions
-  double longest = 0;
-};
-
 struct RegimeSteps : Regime {
   ShortSteps short_steps;
   EventSteps steps;
@@ -34,7 +27,7 @@ struct RegimeSteps : Regime {
               const std::shared_ptr<SourceLooks>& looks)
       : Regime(all, std::move(in), looks),
         short_steps(system, sources, all.T),
-        steps(system, sources, all.T, limits.span, limits.tolerance, limits.longest),
+        steps(system, sources, all.T, limits),
         successor(system, sources, short_steps, steps, all.T) {
     const Index n = system.pairs();
     const Matrix M = system.M.topLeftCorner(n, n);
@@ -49,22 +42,26 @@ struct RegimeSteps : Regime {
 /// By the modes of the memories of a scene, made where they are first asked for.
 class RegimesOfScene {
  public:
-  /// The scene has to outlive the object.
-  RegimesOfScene(const Scene& scene, LcpClass lcp_class, const StepLimits& limits, std::shared_ptr<SourceLooks> looks)
-      : scene_(scene), class_(lcp_class), limits_(limits), looks_(std::move(looks)) {}
+  /// The scene has to outlive the integration. Another than the first may differ in x0 alone.
+  void begin(const Scene& scene, LcpClass lcp_class, const StepLimits& limits) {
+    scene_ = &scene;
+    class_ = lcp_class;
+    limits_ = limits;
+    for (auto& [modes, regime] : known_) regime->steps.begin(limits);
+  }
 
   RegimeSteps& of(const Vector& x) {
-    const std::vector<Index> modes = modes_at(scene_, x);
+    const std::vector<Index> modes = modes_at(*scene_, x);
     std::unique_ptr<RegimeSteps>& found = known_[modes];
-    if (!found) found = std::make_unique<RegimeSteps>(scene_, modes, class_, limits_, looks_);
+    if (!found) found = std::make_unique<RegimeSteps>(*scene_, modes, class_, limits_, looks_);
     return *found;
   }
 
  private:
-  const Scene& scene_;
-  const LcpClass class_;
-  const StepLimits limits_;
-  const std::shared_ptr<SourceLooks> looks_;
+  const Scene* scene_ = nullptr;
+  LcpClass class_ = LcpClass::automatic;
+  StepLimits limits_;
+  const std::shared_ptr<SourceLooks> looks_ = std::make_shared<SourceLooks>();
   std::map<std::vector<Index>, std::unique_ptr<RegimeSteps>> known_;
 };
 

@@ -26,7 +26,7 @@ struct Part {
   Scene scene;
   std::vector<double> breakpoints;
   FlowDerivative derivative;
-  std::shared_ptr<SourceLooks> looks = std::make_shared<SourceLooks>();
+  std::shared_ptr<RegimesOfScene> kept = keep_regimes();
 
   Part(const Scene& whole, const std::vector<double>& all, double begin, double end)
       : scene(shifted(whole, begin, end)), breakpoints(inside(all, begin, end)), derivative(scene) {}
@@ -83,7 +83,7 @@ class DividedShooting {
       part.scene.x0 = nearest_feasible(part.scene, x[std::size_t(k)], size_);
       it.x.push_back(part.scene.x0);
       EventOptions options = options_;
-      options.looks = part.looks;
+      options.kept = part.kept;
       it.flows.push_back(integrate_with_events(part.scene, class_, part.breakpoints, options));
       if (!it.flows.back().complete) return it;
     }

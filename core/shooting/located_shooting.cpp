@@ -91,7 +91,7 @@ class LocatedShooting {
     scene_.x0 = x;
     Iterate it{x, {}};
     EventOptions o = options_.events;
-    o.looks = looks_;
+    o.kept = kept_;
     it.flow = integrate_closely(scene_, class_, breakpoints_, o);
     ++solution_.flows;
     work_ += it.flow.work;
@@ -305,7 +305,7 @@ class LocatedShooting {
   const std::vector<double>& breakpoints_;
   const ShootingOptions& options_;
   FlowDerivative derivative_;
-  const std::shared_ptr<SourceLooks> looks_ = std::make_shared<SourceLooks>();
+  const std::shared_ptr<RegimesOfScene> kept_ = keep_regimes();
   Vector size_;         ///< m: largest values of the last flow
   const Vector least_;  ///< m: sizes are at least these
   Iterate now_;

@@ -89,12 +89,12 @@ double tolerance_for(const EventGoal& goal) {
 }
 
 EventSolution integrate_scene(const Scene& scene, const InnerOptions& options, LcpClass lcp_class, double tolerance,
-                              std::size_t number, double most_work, const std::shared_ptr<SourceLooks>& looks) {
+                              std::size_t number, double most_work, const std::shared_ptr<RegimesOfScene>& kept) {
   EventOptions o;
   o.tolerance = tolerance;
   o.longest_step = longest_step(scene.T, number);
   o.most_work = most_work;
-  o.looks = looks;
+  o.kept = kept;
   o.interrupted = options.interrupted;
   if (options.progress) {
     const Index rows = steps_of(scene, options);
@@ -151,7 +151,7 @@ class EventControl {
   bool chooses_grid() const { return goal_.tolerance > 0; }
 
   EventSolution integrate(double tolerance, std::size_t number) const {
-    return integrate_scene(scene_, options_, lcp_class_, tolerance, number, goal_.most_work, looks_);
+    return integrate_scene(scene_, options_, lcp_class_, tolerance, number, goal_.most_work, kept_);
   }
 
   static bool may_become_complete(const EventSolution& s) {
@@ -308,7 +308,7 @@ class EventControl {
   std::vector<Index> components_;
   std::optional<EventRows> rows_;
   std::vector<double> tolerances_;  ///< of the integrations
-  const std::shared_ptr<SourceLooks> looks_ = std::make_shared<SourceLooks>();
+  const std::shared_ptr<RegimesOfScene> kept_ = keep_regimes();
   double of_y_ = INFINITY, of_x_ = INFINITY, doubt_ = 0;
   bool of_mean_ = false;
   std::optional<Notice> cause_, one_of_several_;
@@ -355,10 +355,10 @@ std::optional<EventReference> EventReference::find(const Scene& scene, Backend& 
   quiet.progress = {};
   std::array<std::optional<EventReference>, 2> found;
   std::array<Result, 2> rows;
-  const auto looks = std::make_shared<SourceLooks>();
+  const auto kept = keep_regimes();
   for (std::size_t k = 0; k < 2; ++k) {
     const double finer = k == 0 ? tolerance : std::max(finest_tolerance, ratio * tolerance);
-    auto s = std::make_shared<EventSolution>(integrate_scene(scene, quiet, c, finer, k + 1, goal.most_work, looks));
+    auto s = std::make_shared<EventSolution>(integrate_scene(scene, quiet, c, finer, k + 1, goal.most_work, kept));
     if (!s->complete) return std::nullopt;
     found[k] = EventReference(scene, backend, recorded_components(scene, options), std::move(s));
     rows[k] = found[k]->on(J);
