@@ -2,6 +2,7 @@
 
 #include "core/accuracy/convergence.hpp"
 #include "core/certificate/defect.hpp"
+#include "core/scene/source_steps.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -18,6 +19,17 @@ Vector outside(const Vector& a, const Vector& b, const Vector& row) {
   return (a.cwiseMin(b) - row).cwiseMax(row - a.cwiseMax(b)).cwiseMax(0);
 }
 
+// Whether a source has at T another value than before it.
+bool jumps_at_end(const TimeFunction& source, Index width, double T) {
+  constexpr double jump = 1e-9;  // of the values: less is the motion before T
+  if (!source || width == 0) return false;
+  const OneSided sides(source, width, 256 * epsilon * T);
+  Vector own;
+  sides.value(T, own);
+  const Vector before = sides.before(T, T);
+  return (own - before).cwiseAbs().maxCoeff() > jump * own.cwiseAbs().cwiseMax(before.cwiseAbs()).maxCoeff();
+}
+
 // The largest size of each component, one row each time.
 template <class Rows>
 void include(Vector& largest, const Rows& rows) {
@@ -28,7 +40,14 @@ void include(Vector& largest, const Rows& rows) {
 
 Distances::Distances(const EventSolution& located, const Scene& scene, const Result& r, const LinearSteps& y,
                      const Matrix& effect)
-    : located_(located), T_(scene.T), r_(r), y_(y), effect_(effect), x_size_(scene.x0.cwiseAbs()) {
+    : located_(located),
+      T_(scene.T),
+      r_(r),
+      y_(y),
+      effect_(effect),
+      jumps_at_end_(jumps_at_end(scene.g, scene.constraints(), scene.T) ||
+                    jumps_at_end(scene.f, scene.f ? scene.sources() : 0, scene.T)),
+      x_size_(scene.x0.cwiseAbs()) {
   y_off_ = mean_off_ = y_size_ = Vector::Zero(r.y.cols());
   effect_off_ = effect_size_ = Vector::Zero(effect.rows());
   x_off_ = Vector::Zero(x_size_.size());
@@ -73,19 +92,22 @@ void Distances::add_inside(const EventPiece& piece, Index j, const Eigen::Ref<co
   for (Index k = 0; k < rows; ++k) add_state(x.row(k).transpose(), true_x.row(k).transpose(), off.row(k).transpose());
 }
 
-// A row of states, and how far they are off. Sizes are those of the values so far.
+// A row of states, and how far they are off. Sizes are those of the values so far; of states at rest, which are
+// rounding of what holds them, those of the terms.
 template <class A, class B, class C>
 void Distances::add_state(const A& x, const B& true_x, const C& off) {
   x_size_ = x_size_.cwiseMax(x.cwiseAbs()).cwiseMax(true_x.cwiseAbs());
   x_off_ = x_off_.cwiseMax(off);
-  const double least = ComponentSizes::smallest * x_size_.maxCoeff();
+  const auto held = no_size * T_ * effect_size_.head(x_size_.size());
+  const double least = ComponentSizes::smallest * x_size_.cwiseMax(held).maxCoeff();
   double worst = 0;
   for (Index i = 0; i < x_size_.size(); ++i)
-    if (off[i] > 0) worst = std::max(worst, off[i] / std::max({x_size_[i], least, no_size * T_ * effect_size_[i]}));
+    if (off[i] > 0) worst = std::max(worst, off[i] / std::max({x_size_[i], least, held[i]}));
   of_rows_.push_back(worst);
 }
 
 void Distances::add_row(Index j, const Vector& x) {
+  if (jumps_at_end_ && j + 1 == r_.t.size()) return of_rows_.push_back(0);
   const double near = near_row * (r_.t[j] - r_.t[j - 1]), before = r_.t[j] - near,
                behind = std::min(r_.t[j] + near, T_);
   const Vector left = located_.y(before, true), right = located_.y(behind, false), y = r_.y.row(j).transpose();
@@ -105,7 +127,7 @@ void Distances::summarise(const Defect& defect, Certificate& c) const {
   const Vector least_y =
       (defect.answers().array() > 0).select(no_size * defect.terms().cwiseQuotient(defect.answers()), 0.0);
   const Vector size_of_effect = sizes.of(effect_size_).cwiseMax(effect_.cwiseAbs() * least_y);
-  c.error_of_x = largest_share(x_off_, sizes.of(x_size_).cwiseMax(no_size * T_ * effect_size_.head(x_size_.size())));
+  c.error_of_x = largest_share(x_off_, sizes.of(x_size_.cwiseMax(no_size * T_ * effect_size_.head(x_size_.size()))));
   std::vector<double> rows = of_rows_;
   const auto place = rows.begin() + std::ptrdiff_t(rows.size() - 1 - rows.size() / one_of);
   std::nth_element(rows.begin(), place, rows.end());

@@ -1,5 +1,6 @@
 #pragma once
-// How far a result is from a located solution, at its rows. Where y jumps, a row may have either limit.
+// How far a result is from a located solution, at its rows. Where y jumps, a row may have either limit. Where a source
+// jumps at T the last row is not compared: a march has it behind the jump, and a located solution ends before it.
 
 #include "../events/event_driven.hpp"
 #include "../result/result.hpp"
@@ -32,6 +33,7 @@ class Distances {
   const Result& r_;
   const LinearSteps& y_;
   const Matrix& effect_;
+  const bool jumps_at_end_;
   Vector x_size_, y_off_, y_size_, mean_off_, effect_off_, effect_size_, x_off_;
   std::vector<double> of_rows_;  ///< of x, relative to the values so far
 };

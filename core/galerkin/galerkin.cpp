@@ -248,7 +248,8 @@ void solve_on_grid(const Scene& scene, Backend& backend, const InnerOptions& opt
   if (s.z.rows() != p.N || s.x.rows() != p.N + 1) return;
   if (!p.initial_value && (s.status == Status::infeasible || !s.z.allFinite())) return;
   const RowMatrix z = free.recovered(s.z, s.x);
-  const RowMatrix x = galerkin_states(used, z);
+  // Those of a march with the y that holds them: what z alone drives would grow away where A is unstable.
+  const RowMatrix x = used.initial_value ? s.x : galerkin_states(used, z);
   fill(scene, used, z, x, options, result);
   judge(scene, used, z, x, options, result);
   if (result.status != Status::solved) return;
@@ -314,13 +315,14 @@ Result solve_by_galerkin(const Scene& scene, Backend& backend, const InnerOption
   } else {
     GridFamily own;
     const std::shared_ptr<SharedDynamics> shared = (options.family ? *options.family : own).of(scene.dynamics);
-    const BrokenGrid broken = divides_intervals(scene, options, N) ? divide_at_breakpoints(scene, N) : BrokenGrid();
+    const bool divides = divides_intervals(scene, options, N);
+    const BrokenGrid broken = divides ? divide_at_breakpoints(scene, N) : BrokenGrid();
     if (broken.divided()) {
       solve_on_grid(scene, backend, options, *shared, broken.parts, nullptr, &broken, result);
     } else {
       solve_on_grid(scene, backend, options, *shared, {{scene.T, N}}, nullptr, nullptr, result);
     }
-    const std::vector<double> breakpoints = broken.divided() ? scene.breakpoints : std::vector<double>();
+    const std::vector<double> breakpoints = divides ? scene.breakpoints : std::vector<double>();
     const bool located =
         options.event_location && solve_with_located_switches(scene, backend, options, *shared, breakpoints, N, result);
     if (broken.divided() && !located) keep_nodes(broken, result);

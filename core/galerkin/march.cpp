@@ -2,10 +2,12 @@
 #include "core/base/text.hpp"
 #include "core/galerkin/recurrence.hpp"
 #include "core/galerkin/solvers.hpp"
+#include "core/lcp/active_set.hpp"
 #include "core/lcp/lcp_class.hpp"
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 namespace bromwich {
 
@@ -30,8 +32,29 @@ void explain_stop(const GalerkinProblem& p, Index first, const MarchReport& repo
 
 namespace {
 
-// The intervals of one length, from the state x; their rows of z, and x behind them.
-void march_run(const GalerkinProblem& p, const GalerkinRun& run, Backend& backend, const Options& options, Vector& x,
+// The states of a run, from that before it. The march has solved each interval for a state of its own, and a mode that
+// grows makes of the rounding between the two whatever it likes, though y holds it: where z of an interval does not
+// solve it for the state here, it is solved again.
+void follow(const GalerkinProblem& p, const GalerkinRun& run, LcpClass lcp_class, GalerkinSolution& s) {
+  constexpr double solved = 1e-11;  // of the terms: a march solves to 256 roundings
+  const GalerkinStep& step = run.step;
+  std::optional<ActiveSetLcp> lcp;
+  for (Index k = run.first; k < run.first + run.count; ++k) {
+    const Vector x = s.x.row(k).transpose(), known = p.q.row(k).transpose() + step.C * x;
+    Vector z = s.z.row(k).transpose();
+    const Vector answer = step.D * z, w = known + answer;
+    const double terms = std::max(known.cwiseAbs().maxCoeff(), answer.cwiseAbs().maxCoeff());
+    if (z.cwiseMin(w).cwiseAbs().maxCoeff() > solved * terms) {
+      if (!lcp) lcp.emplace(step.D, lcp_class);
+      Vector found;
+      if (lcp->solve(known, found).solved) s.z.row(k) = (z = found).transpose();
+    }
+    s.x.row(k + 1) = (step.E * x + step.H * z + p.forcing.row(k).transpose()).transpose();
+  }
+}
+
+// The intervals of one length: their rows of z, and the states behind them.
+void march_run(const GalerkinProblem& p, const GalerkinRun& run, Backend& backend, const Options& options,
                GalerkinSolution& s) {
   const LcpMatrix D = run.step.D;
   const Recurrence recurrence = galerkin_recurrence(run.step);
@@ -43,7 +66,8 @@ void march_run(const GalerkinProblem& p, const GalerkinRun& run, Backend& backen
   problem.lcp_class = classify(D);
   problem.recurrence = &recurrence;
   problem.r = q.get();
-  problem.start = &x;
+  const Vector start = s.x.row(run.first).transpose();
+  problem.start = &start;
   problem.forcing = forcing.get();
   problem.interrupted = options.interrupted;
   if (options.progress) problem.progress = [&](Index step) { options.progress({run.first + step, 0, p.N}); };
@@ -59,9 +83,7 @@ void march_run(const GalerkinProblem& p, const GalerkinRun& run, Backend& backen
   s.bytes = std::max(s.bytes, q->bytes() + forcing->bytes() + y->bytes() + v->bytes() + march->bytes());
   s.status = Status::solved;
   if (report.stopped >= 0) explain_stop(p, run.first, report, s);
-  const bool last = run.first + run.count == p.N;
-  for (Index k = 0; !last && k < run.count; ++k)
-    x = (run.step.E * x + run.step.H * z.row(k + 1).transpose() + own_forcing.row(k).transpose()).eval();
+  follow(p, run, problem.lcp_class, s);
 }
 
 }  // namespace
@@ -72,12 +94,12 @@ GalerkinSolution march_galerkin(const GalerkinProblem& p, Backend& backend, cons
   s.iterations = 1;
   s.unique = true;
   s.z = RowMatrix::Constant(p.N, p.unknowns(), NAN);
-  Vector x = p.boundary.b;
+  s.x = RowMatrix::Constant(p.N + 1, p.states(), NAN);
+  s.x.row(0) = p.boundary.b.transpose();
   for (const GalerkinRun& run : p.runs) {
-    march_run(p, run, backend, options, x, s);
+    march_run(p, run, backend, options, s);
     if (s.status != Status::solved) break;
   }
-  s.x = galerkin_states(p, s.z);
   return s;
 }
 

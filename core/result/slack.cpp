@@ -37,7 +37,8 @@ RowMatrix slack(const Scene& scene, const Result& result, Index first, Index cou
     Vector g = Vector::Zero(w.cols());
     if (now.g) now.g(t[j], g);
     w.row(j) += (g + multiply(now.M, y)).transpose();
-    if (!(locates_switches(result) || has_own_steps(result)) || !now.g || y.size() == 0) continue;
+    const bool one_sided = locates_switches(result) || has_own_steps(result) || result.method == Method::galerkin;
+    if (!one_sided || !now.g || y.size() == 0) continue;
     const Vector here = w.row(j).transpose();
     if (defect(y, here) <= met * g.cwiseAbs().maxCoeff()) continue;
     const OneSided sides(now.g, w.cols(), 256 * epsilon * scene.T);

@@ -85,5 +85,41 @@ TEST(CertificateOfY, SeesAYThatIsNoSolution) {
   EXPECT_NEAR(wrong->error_of_x, 0.5126, 1e-3);
 }
 
+// A mass pressed on its stop, x'' = -x - 0.1 x' - 9.81 + y, x >= 0, from rounding: all of x stays rounding.
+TEST(CertificateOfY, TakesRoundingAtRestForNoError) {
+  Scene scene;
+  scene.dynamics = DenseDynamics{Matrix{{0, 1}, {-1, -0.1}}, Matrix{{0}, {1}}, Matrix{{1, 0}}};
+  scene.M = Matrix{{0}};
+  scene.f = [](double, Eigen::Ref<Vector> v) { v << 0, -9.81; };
+  scene.T = 0.5;
+  for (const Vector& x0 : {Vector{{0, 0}}, Vector{{-1e-16, 0}}, Vector{{-3e-17, 1e-16}}})
+    for (const Index steps : {2, 3, 5, 20}) {
+      scene.x0 = x0;
+      const Result r = march(scene, steps);
+      ASSERT_EQ(r.status, Status::solved) << r.reason;
+      const auto c = certify(scene, r, {}, r.x);
+      ASSERT_TRUE(c);
+      EXPECT_LT(c->error_of_x, 1e-3) << steps;
+    }
+}
+
+// x' = -x + y, 0 <= y, w = x + g >= 0 with g = -1 + 1.5 mod(t, 1/2): x is put back to 1 at each 1/2, the last time at
+// T, where a located solution has x = e^{-1/2}. Between them y = 0, and the steps are exact.
+TEST(CertificateOfY, LeavesOutARowBehindAJumpAtTheEnd) {
+  Scene scene;
+  scene.dynamics = DenseDynamics{Matrix{{-1}}, Matrix{{1}}, Matrix{{1}}};
+  scene.M = Matrix{{0}};
+  scene.g = [](double t, Eigen::Ref<Vector> v) { v[0] = -1 + 1.5 * std::fmod(t, 0.5); };
+  scene.breakpoints = {0.5, 1, 1.5, 2};
+  scene.x0 = Vector::Ones(1);
+  scene.T = 2;
+  const Result r = march(scene, 128);
+  ASSERT_EQ(r.status, Status::solved) << r.reason;
+  EXPECT_EQ(r.warning, "");
+  const auto c = certify(scene, r, scene.breakpoints, r.x);
+  ASSERT_TRUE(c);
+  EXPECT_LT(c->error_of_x, 1e-3);
+}
+
 }  // namespace
 }  // namespace bromwich

@@ -5,6 +5,7 @@
 #include "catalogue/catalogue.hpp"
 #include "core/galerkin/discretisation.hpp"
 #include "core/galerkin/uniqueness.hpp"
+#include "core/result/slack.hpp"
 #include "core/solve/dense_output.hpp"
 #include "tests/support/reference.hpp"
 #include "tests/support/refusal.hpp"
@@ -329,6 +330,45 @@ TEST(Galerkin, ToleranceChoosesTheSteps) {
     worst = std::max(worst, (r.y.row(k) - y.transpose()).norm());
   }
   EXPECT_LE(worst, 1e-3);
+}
+
+// x' = 80 x + y - 81, held at x >= 1 by a stop that gives way by M: y = (1 - x)/M. With a = 80 - 1/M < 0 x decays to
+// (81 - 1/M)/a as e^{at}; rounding of y alone would grow to 1e-16 e^80 = 6e18.
+TEST(Galerkin, StatesThatYHoldsDoNotGrowAway) {
+  for (const double M : {1e-3, 5e-3})
+    for (const Index steps : {100, 200, 300})
+      for (const bool located : {false, true}) {
+        Scene scene;
+        scene.dynamics = DenseDynamics{Matrix{{80}}, Matrix{{1}}, Matrix{{1}}};
+        scene.M = Matrix{{M}};
+        scene.f = [](double, Eigen::Ref<Vector> v) { v[0] = -81; };
+        scene.g = [](double, Eigen::Ref<Vector> v) { v[0] = -1; };
+        scene.x0 = Vector::Ones(1);
+        Options options = options_for(Method::galerkin, steps);
+        options.states = StateSelection::all;
+        options.event_location = located;
+        const Result r = run(scene, options);
+        ASSERT_EQ(r.status, Status::solved) << r.reason;
+        // Of the layer e^{-60} is left; problems are solved to 1e-11, and y acts on x through 1/M.
+        EXPECT_NEAR(r.x(steps, 0), (81 - 1 / M) / (80 - 1 / M), 1e-8) << M << ' ' << steps << ' ' << located;
+      }
+}
+
+// x' = -x + y, w = x + y + g with g = -1 + 1.5 mod(t, 1/2), which jumps at rows and at T. y is of order 2: (1/50)^2.
+TEST(Galerkin, RowsAtJumpsAreOnTheSideOfY) {
+  Scene scene;
+  scene.dynamics = DenseDynamics{Matrix{{-1}}, Matrix{{1}}, Matrix{{1}}};
+  scene.M = Matrix{{1}};
+  scene.g = [](double t, Eigen::Ref<Vector> v) { v[0] = -1 + 1.5 * std::fmod(t, 0.5); };
+  scene.breakpoints = {0.5, 1, 1.5, 2};
+  scene.x0 = Vector::Zero(1);
+  scene.T = 2;
+  Options options = options_for(Method::galerkin, 100);
+  options.trace = true;
+  const Result r = run(scene, options);
+  ASSERT_EQ(r.status, Status::solved) << r.reason;
+  const RowMatrix w = slack(scene, r);
+  for (const Index j : {25, 50, 75, 100}) EXPECT_LT(std::abs(std::min(r.y(j, 0), w(j, 0))), 1e-3) << j;
 }
 
 }  // namespace
