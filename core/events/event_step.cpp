@@ -381,9 +381,10 @@ bool EventSteps::resolve(const SwitchedMode& mode, EventPoint& p, EventStep& ste
     if (h < shortest_share * T_) return false;
     before = step.defect;
     shortened = true;
-    const double shorter = std::isfinite(step.defect)
-                               ? std::clamp(0.9 * std::pow(limits_.tolerance / step.defect, 1.0 / double(degree)), 0.1, 0.7)
-                               : 0.1;
+    const double shorter =
+        std::isfinite(step.defect)
+            ? std::clamp(0.9 * std::pow(limits_.tolerance / step.defect, 1.0 / double(degree)), 0.1, 0.7)
+            : 0.1;
     h = propagators_.grid_length(shorter * h);
   }
   return false;

@@ -96,8 +96,8 @@ inline BatchResult expect_as_single(const Batch& batch, const Options& options, 
     const bool unestimated = (is_estimate(one.warning) || is_estimate(one.reason)) && status == Status::solved &&
                              reason.empty() && warning.empty();
     EXPECT_TRUE(unestimated || (status == one.status && reason == one.reason && warning == one.warning))
-        << where << ": " << name_of(status) << " '" << reason << "', '" << warning << "'; alone " << name_of(one.status)
-        << " '" << one.reason << "', '" << one.warning << "'";
+        << where << ": " << to_string(status) << " '" << reason << "', '" << warning << "'; alone "
+        << to_string(one.status) << " '" << one.reason << "', '" << one.warning << "'";
     EXPECT_EQ(found.method[std::size_t(k)], one.method) << where;
     EXPECT_LE(apart(found.of(found.y, k), one.y), same) << where;
     EXPECT_LE(apart(found.of(found.x, k), one.x), same) << where;
