@@ -129,7 +129,8 @@ void compare_with_half_the_step(const NonlinearResult& fine, const std::string& 
     const double order = result.continuous ? 4.0 / 3 : 2;  // 2^p / (2^p - 1): of the coarser grid
     result.error_estimate = order * std::max(apart(result.x, fine.x), apart_in_y(result, fine));
   }
-  if (!solved || !(std::max(x.mean, y.mean) <= most_mean_change) || !(x.typical <= most_typical_change)) {
+  if (!solved || !(std::max(x.mean, y.mean) <= most_mean_change) || !(x.typical <= most_typical_change) ||
+      !(*result.error_estimate <= 1)) {
     result.status = Status::tolerance_not_met;
     result.reason = why + (solved ? ", and with half the step another result comes out; use more steps"
                                   : ", and with half the step it is not solved (" + fine.reason + "); use more steps");

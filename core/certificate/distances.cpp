@@ -19,17 +19,6 @@ Vector outside(const Vector& a, const Vector& b, const Vector& row) {
   return (a.cwiseMin(b) - row).cwiseMax(row - a.cwiseMax(b)).cwiseMax(0);
 }
 
-// Whether a source has at T another value than before it.
-bool jumps_at_end(const TimeFunction& source, Index width, double T) {
-  constexpr double jump = 1e-9;  // of the values: less is the motion before T
-  if (!source || width == 0) return false;
-  const OneSided sides(source, width, 256 * epsilon * T);
-  Vector own;
-  sides.value(T, own);
-  const Vector before = sides.before(T, T);
-  return (own - before).cwiseAbs().maxCoeff() > jump * own.cwiseAbs().cwiseMax(before.cwiseAbs()).maxCoeff();
-}
-
 // The largest size of each component, one row each time.
 template <class Rows>
 void include(Vector& largest, const Rows& rows) {
@@ -45,8 +34,7 @@ Distances::Distances(const EventSolution& located, const Scene& scene, const Res
       r_(r),
       y_(y),
       effect_(effect),
-      jumps_at_end_(jumps_at_end(scene.g, scene.constraints(), scene.T) ||
-                    jumps_at_end(scene.f, scene.f ? scene.sources() : 0, scene.T)),
+      jumps_at_end_(jumps_at_end(scene)),
       x_size_(scene.x0.cwiseAbs()) {
   y_off_ = mean_off_ = y_size_ = Vector::Zero(r.y.cols());
   effect_off_ = effect_size_ = Vector::Zero(effect.rows());

@@ -390,6 +390,19 @@ const RoughStep* SourceSteps::at(Index step) const {
   return found != rough.end() && found->step == step ? &*found : nullptr;
 }
 
+bool jumps_at_end(const Scene& scene) {
+  constexpr double jump = 1e-9;  // of the values: less is the motion before T
+  const auto jumps = [T = scene.T](const TimeFunction& source, Index width) {
+    if (!source || width == 0) return false;
+    const OneSided sides(source, width, 256 * epsilon * T);
+    Vector own;
+    sides.value(T, own);
+    const Vector before = sides.before(T, T);
+    return (own - before).cwiseAbs().maxCoeff() > jump * own.cwiseAbs().cwiseMax(before.cwiseAbs()).maxCoeff();
+  };
+  return jumps(scene.g, scene.constraints()) || jumps(scene.f, scene.f ? scene.sources() : 0);
+}
+
 SourceSteps find_source_steps(const Scene& scene, const Vector& t, const SampledSource& f, const SampledSource& g,
                               bool every_step, Index looks) {
   return Inspection(scene, t, f, g)

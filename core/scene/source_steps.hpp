@@ -47,6 +47,9 @@ class OneSided {
   double resolution_;
 };
 
+/// Whether f or g has at T another value than before it. Steps end behind the jump, located solutions before it.
+bool jumps_at_end(const Scene&);
+
 struct SourceSteps {
   std::vector<RoughStep> rough;  ///< by increasing step
   double resolution = 0;         ///< of the times of jumps

@@ -157,12 +157,14 @@ void take_certificate(Result& result) {
   result.error_estimate = std::max(of_y, c.error_of_x);
   if (result.error_estimate <= worth_a_notice) return;
   const StepErrors errors{c.error_of_x, of_y, c.impulses};
-  const bool typically_small = std::min(c.typical_error_of_x, c.error_of_x) <= most_typical_error;
-  if (result.error_estimate <= 1 && typically_small) return tell_errors(errors, result);
+  if (std::min(c.typical_error_of_x, c.error_of_x) <= most_typical_error) return tell_errors(errors, result);
   demote(result, sentence(notice_of(errors)));
 }
 
-void tell_errors(const StepErrors& errors, Result& result) { tell(result, notice_of(errors)); }
+void tell_errors(const StepErrors& errors, Result& result) {
+  if (std::max(errors.x, errors.y) > 1) return demote(result, sentence(notice_of(errors)));
+  tell(result, notice_of(errors));
+}
 
 // Where something speaks against a result that half the step would show, half the step is taken.
 void Certification::confirm(Method method, const Magnification& m, Result& result) {

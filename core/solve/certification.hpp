@@ -59,7 +59,7 @@ struct StepErrors {
   bool of_mean = false;  ///< y: of its mean
 };
 
-/// A notice of them.
+/// A notice of them. Above 1 the result is not solved.
 void tell_errors(const StepErrors&, Result&);
 
 /// Error estimate, notice and status by Result::certificate.

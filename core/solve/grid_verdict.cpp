@@ -2,6 +2,7 @@
 
 #include "core/base/text.hpp"
 #include "core/numerics/irregular.hpp"
+#include "core/scene/source_steps.hpp"
 #include "core/solve/error_control.hpp"
 #include "core/solve/grid_refinement.hpp"
 #include "core/solve/methods.hpp"
@@ -48,7 +49,11 @@ bool GridRefinement::may_look_inside() const {
 }
 
 void GridRefinement::measure(ErrorEstimate& e) const {
-  const Distance d = distance(*solved_, 1, reference_->on(solved_->steps), 1, sizes_);
+  Result rows = reference_->on(solved_->steps);
+  if (jumps_at_end(scene_))
+    for (RowMatrix Result::* table : {&Result::y, &Result::y_integral, &Result::x})
+      (rows.*table).bottomRows(1) = (solved_->*table).bottomRows(1);
+  const Distance d = distance(*solved_, 1, rows, 1, sizes_);
   e.of_integral = !reference_->continuous() || convergence_->of_integral();
   e.iteration = e.rounding = 0;
   e.discretisation = std::max(rounding_of_rows, e.of_integral ? d.mean : d.y);
