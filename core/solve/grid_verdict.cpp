@@ -50,10 +50,11 @@ bool GridRefinement::may_look_inside() const {
 
 void GridRefinement::measure(ErrorEstimate& e) const {
   Result rows = reference_->on(solved_->steps);
+  const Result& own = *solved_;
   if (jumps_at_end(scene_))
-    for (RowMatrix Result::* table : {&Result::y, &Result::y_integral, &Result::x})
-      (rows.*table).bottomRows(1) = (solved_->*table).bottomRows(1);
-  const Distance d = distance(*solved_, 1, rows, 1, sizes_);
+    for (RowMatrix Result::*table : {&Result::y, &Result::y_integral, &Result::x})
+      (rows.*table).bottomRows(1) = (own.*table).bottomRows(1);
+  const Distance d = distance(own, 1, rows, 1, sizes_);
   e.of_integral = !reference_->continuous() || convergence_->of_integral();
   e.iteration = e.rounding = 0;
   e.discretisation = std::max(rounding_of_rows, e.of_integral ? d.mean : d.y);
