@@ -118,5 +118,17 @@ TEST(Memories, PeakCurrentControlInPeriodicState) {
   EXPECT_NEAR(r.multipliers[0].real(), -m2 / m1, 1e-5);
 }
 
+// Two thyristors on a source of current: one takes it over from the other, and there is no state.
+TEST(Memories, ThyristorsOnASourceOfCurrent) {
+  const Circuit c = circuit_of(
+      "V1 a 0 SIN(0 100 50)\nS1 a b g 0 T1\nS2 0 b g2 0 T1\nI1 b 0 5\nVg g 0 PULSE(0 5 3m 0 0 0.2m 20m)\n"
+      "Vg2 g2 0 PULSE(0 5 13m 0 0 0.2m 20m)\n.model T1 SCR(Ron=1m Roff=1Meg Vfwd=0 Ih=1m)\n.tran 1m 40m uic\n");
+  ASSERT_EQ(c.scene.memories.size(), 2u);
+  const double leak = 100.0 / 1e6;
+  EXPECT_NEAR(values(c, 5e-3).at("I(S1)"), 5, leak);
+  EXPECT_NEAR(values(c, 5e-3).at("V(b)"), 100 - 5e-3, leak);
+  EXPECT_NEAR(values(c, 15e-3).at("I(S2)"), 5, leak);
+}
+
 }  // namespace memories_test
 }  // namespace bromwich
