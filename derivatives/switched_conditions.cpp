@@ -81,7 +81,7 @@ void SwitchedTape::check(Switch& s, const Piece* before, const Piece& after) {
   Bounded dt;
   const Bounded D = saltation(s, before, dt);
   const auto check_component = [&](bool first, const Piece& p, double at, Index i, const Bounded& state) {
-    if (!vanishes(p, at, i)) return;
+    if (!vanishes(p, at, i) || is_alike_beyond(*p.mode, i)) return;
     const double rate = rate_of_component(p, at, i);
     Bounded c = component(*p.mode, i).after(state);
     // A rate that is only rounding has the terms of one that is not.

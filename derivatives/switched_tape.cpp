@@ -174,12 +174,33 @@ bool SwitchedTape::vanishes(const Piece& p, double at, Index i) const {
   return std::abs(legendre(at).dot(polynomial(p, i))) <= vanishing_component * size_of(p, i);
 }
 
+// Whether the motion beyond a zero of active component i is the one before it: another constraint, at zero as long as
+// the set is active, takes its place, as where the current of a closed switch changes its direction.
+bool SwitchedTape::is_alike_beyond(const Mode& mode, Index i) {
+  if (const auto known = alike_beyond_.find({&mode, i}); known != alike_beyond_.end()) return known->second;
+  const std::vector<Index>& S = mode.rows.active;
+  const SystemMatrices& system = mode.system();
+  bool& found = alike_beyond_[{&mode, i}] = false;
+  if (!std::binary_search(S.begin(), S.end(), i)) return false;
+  for (Index j = 0; j < n_ && !found; ++j) {
+    if (std::binary_search(S.begin(), S.end(), j) || !component(mode, j).after(mode.kept).vanishes()) continue;
+    std::vector<Index> beyond = S;
+    *std::lower_bound(beyond.begin(), beyond.end(), i) = j;
+    std::sort(beyond.begin(), beyond.end());
+    const std::optional<SwitchedMode> other = make_switched_mode(system, beyond);
+    if (!other || other->constraints.x.rows() != mode.rows.constraints.x.rows()) continue;
+    const Bounded difference = Bounded::of(other->y) + Matrix(-Matrix::Identity(n_, n_)) * Bounded::of(mode.rows.y);
+    found = (system.B * difference).vanishes() && (system.M * difference).after(mode.kept).vanishes();
+  }
+  return found;
+}
+
 void SwitchedTape::add_parts(const EventSolution& s, const std::vector<double>& breakpoints) {
   Index row = 0;
   for (std::size_t k = 0; k < s.pieces.size(); ++k) {
     const EventPiece *before = k > 0 ? &s.pieces[k - 1] : nullptr, &p = s.pieces[k];
-    const bool change = !before || before->event >= 0 || before->active != p.active || before->modes != p.modes ||
-                        !p.impulses.empty();
+    const bool change =
+        !before || before->event >= 0 || before->active != p.active || before->modes != p.modes || !p.impulses.empty();
     const Index first = Index(parts_.size());
     cut(Index(k), p.end, row);
     if (!change) continue;
@@ -360,7 +381,8 @@ void SwitchedTape::measure_run(const std::vector<Sample>& run, bool to_end) {
       if (at_end && std::abs(now) <= vanishing_component) continue;
       const bool by_rest = (k > 0 && rests[k - 1]) || (k + 1 < count && rests[k + 1]);
       const double least = std::max(0.0, now < looked_at && !by_rest ? least_beside(run, k, i) : now);
-      if (least < margin_.margin) margin_.margin = least, margin_.time = run[k].t, margin_.constraint = i;
+      if (least < margin_.margin && !is_alike_beyond(*pieces_[std::size_t(run[k].piece)].mode, i))
+        margin_.margin = least, margin_.time = run[k].t, margin_.constraint = i;
     }
   }
 }
@@ -416,7 +438,8 @@ void SwitchedTape::find_singular_between(const Rows& before, const std::vector<I
   std::erase(both, component);
   std::set_difference(either.begin(), either.end(), both.begin(), both.end(), std::back_inserter(changing));
   if (changing.size() > most_looked_at) {  // no change at all
-    singular_[{regime, either}] = {Matrix::Identity(n_, n_)(Eigen::all, either), Matrix::Identity(n_, n_)(Eigen::all, either)};
+    singular_[{regime, either}] = {Matrix::Identity(n_, n_)(Eigen::all, either),
+                                   Matrix::Identity(n_, n_)(Eigen::all, either)};
     return;
   }
   for (std::size_t chosen = 0; chosen < std::size_t(1) << changing.size(); ++chosen) {

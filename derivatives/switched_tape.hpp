@@ -152,6 +152,7 @@ class SwitchedTape {
   void find_sizes(const EventSolution&);
   double size_of(const Piece&, Index i) const;
   bool vanishes(const Piece&, double at, Index i) const;
+  bool is_alike_beyond(const Mode&, Index i);
   Bounded saltation(const Switch&, const Piece* before, Bounded& dt) const;
   void check(Switch&, const Piece* before, const Piece& after);
   void check_conditions(const Switch&, bool before, const Piece&, double at, const Sources&, const Vector& x,
@@ -212,8 +213,9 @@ class SwitchedTape {
   std::vector<Index> one_sided_;
   bool along_some_;
   std::string without_M_, only_along_;
-  std::map<Rows, Ambiguity> ambiguities_;  ///< of each set that was looked at; most are empty
-  std::map<Rows, Ambiguity> singular_;     ///< kernels of M_SS that a change of M has to keep
+  std::map<std::pair<const Mode*, Index>, bool> alike_beyond_;  ///< see is_alike_beyond
+  std::map<Rows, Ambiguity> ambiguities_;                       ///< of each set that was looked at; most are empty
+  std::map<Rows, Ambiguity> singular_;                          ///< kernels of M_SS that a change of M has to keep
   ConditionedData conditioned_;
 };
 
