@@ -235,8 +235,11 @@ void add_memories(const Netlist& netlist, const Reduction& r, const std::shared_
     const auto condition = [&](Index row) {
       const auto of = [row](const Rows& all) { return Rows(all.middleRows(row, 1)); };
       const auto entries = [&](const Rows& all) { return Vector(Matrix(of(all)).transpose()); };
+      Vector x = Vector::Zero(m + memories);  // of resistances alone: no entries of z
+      x.head(r.conditions.z.cols()) = entries(r.conditions.z);
+      x.tail(memories) = entries(of_modes(r.conditions.u, r));
       return Memory::Condition{
-          .x = (Vector(m + memories) << entries(r.conditions.z), entries(of_modes(r.conditions.u, r))).finished(),
+          .x = std::move(x),
           .y = entries(r.conditions.y),
           .time = combination(of(of_sources(r.conditions.u, r)), of(of_sources(r.conditions.slope, r)), u)};
     };

@@ -3,6 +3,8 @@
 #include "core/base/error.hpp"
 #include "core/base/text.hpp"
 #include "core/scene/breakpoints.hpp"
+#include "core/scene/memory.hpp"
+#include "core/scene/memory_rows.hpp"
 #include "core/scene/separable.hpp"
 
 #include <algorithm>
@@ -88,6 +90,25 @@ bool shares_dynamics(const ParameterNeighbours& n, const Scene& scene) {
   throw Error("derivative", "by " + name + ": " + found, remedy);
 }
 
+// The same modes, left in the same ways; what they add may differ.
+bool same_memories(const Scene& a, const Scene& b) {
+  const auto same = [](const auto& p, const auto& q, const auto& alike) {
+    return std::equal(p.begin(), p.end(), q.begin(), q.end(), alike);
+  };
+  const auto same_jump = [](const Memory::Jump& p, const Memory::Jump& q) {
+    return p.state == q.state && p.value == q.value;
+  };
+  const auto same_leave = [&](const Memory::Leave& p, const Memory::Leave& q) {
+    return p.to == q.to && p.when.size() == q.when.size() && same(p.set, q.set, same_jump);
+  };
+  const auto same_mode = [&](const Memory::Mode& p, const Memory::Mode& q) {
+    return p.name == q.name && same(p.leave, q.leave, same_leave);
+  };
+  return modes_at_start(a) == modes_at_start(b) && same(a.memories, b.memories, [&](const Memory& p, const Memory& q) {
+           return same(p.modes, q.modes, same_mode);
+         });
+}
+
 void check_same_form(const std::string& name, const Scene& scene, const Scene& other) {
   const auto refuse = [&](const char* what) {
     refuse_parameter(name, text("%s depends on it", what), "differentiate by parameters of the data");
@@ -100,30 +121,32 @@ void check_same_form(const std::string& name, const Scene& scene, const Scene& o
       scene.boundary.has_value() != other.boundary.has_value() ||
       scene.dynamics->has_mass() != other.dynamics->has_mass())
     refuse("the form of the scene");
+  if (!same_memories(scene, other)) refuse("what a memory sets, or its first mode,");
 }
 
 std::vector<double> breakpoints_of(const Scene& scene) {
   return scene.breakpoints_are_all || (!scene.f && !scene.g) ? scene.breakpoints : find_breakpoints(scene);
 }
 
-// Whether f or g has different limits from both sides.
+// Whether f, g or what memories have of them has different limits from both sides.
 bool jumps_at(const Scene& scene, double t) {
-  const auto apart = [&](const TimeFunction& function, Index width, double by, double& size) {
-    if (!function || width == 0) return 0.0;
-    Vector before = Vector::Zero(width), after = before;
-    function(std::max(t - by, 0.0), before);
-    function(std::min(t + by, scene.T), after);
-    size = std::max(before.cwiseAbs().maxCoeff(), after.cwiseAbs().maxCoeff());
-    return (after - before).cwiseAbs().maxCoeff();
-  };
   const double by = beside_breakpoint * scene.T;
   if (t <= by || t >= scene.T - by) return false;
-  for (const auto& [function, width] : {std::pair(&scene.f, scene.sources()), {&scene.g, scene.constraints()}}) {
+  bool found = false;
+  for_each_source(scene, [&](const TimeFunction& function, Index width) {
+    if (!function || width == 0) return;
     double size = 0;
-    const double wide = apart(*function, width, by, size), close = apart(*function, width, by / 8, size);
-    if (close > 0.5 * wide && close > 1e-10 * size) return true;
-  }
-  return false;
+    const auto apart = [&](double beside) {
+      Vector before = Vector::Zero(width), after = before;
+      function(std::max(t - beside, 0.0), before);
+      function(std::min(t + beside, scene.T), after);
+      size = std::max(before.cwiseAbs().maxCoeff(), after.cwiseAbs().maxCoeff());
+      return (after - before).cwiseAbs().maxCoeff();
+    };
+    const double wide = apart(by), close = apart(by / 8);
+    found = found || (close > 0.5 * wide && close > 1e-10 * size);
+  });
+  return found;
 }
 
 // The breakpoints that move with the parameter.
@@ -199,6 +222,22 @@ std::string not_smooth(const ParameterNeighbours& n, const Scene& scene, const V
         !(largest_entry(d.kink) <= kink_less * n.step * size + terms))
       found = name;
   });
+  return found;
+}
+
+// The neighbours in these modes, with the rows of their memories.
+ParameterNeighbours neighbours_in(const ParameterNeighbours& n, const std::vector<Index>& modes) {
+  ParameterNeighbours made = n;
+  for (ParameterScene& p : made.at) p.scene = in_modes(with_memory_rows(p.scene), modes);
+  return made;
+}
+
+// In all modes: the member that is not smooth, or empty.
+std::string not_smooth_in_modes(const ParameterNeighbours& n, const Scene& scene, const Vector& t, bool written_out) {
+  if (scene.memories.empty()) return not_smooth(n, scene, t, written_out);
+  std::string found;
+  for (const std::vector<Index>& modes : each_mode(scene))
+    if (found.empty()) found = not_smooth(neighbours_in(n, modes), in_modes(with_memory_rows(scene), modes), t, true);
   return found;
 }
 
@@ -295,7 +334,7 @@ ParameterNeighbours neighbours_of(const VariedParameter& p, const Scene& scene, 
     ParameterNeighbours n = at_distance(p, scene, relative);
     if (!n.moving.empty() && relative > step_with_moving_kinks)
       n = at_distance(p, scene, relative = step_with_moving_kinks);
-    member = not_smooth(n, scene, t, written_out);
+    member = not_smooth_in_modes(n, scene, t, written_out);
     if (member.empty()) return n;
     if (relative == step_with_moving_kinks) break;
   }
@@ -303,7 +342,25 @@ ParameterNeighbours neighbours_of(const VariedParameter& p, const Scene& scene, 
                    "choose another value");
 }
 
-ParameterChange parameter_change(const ParameterNeighbours& n, const Scene& scene, const Vector& at, bool written_out) {
+std::vector<std::vector<Index>> each_mode(const Scene& scene) {
+  std::vector<std::vector<Index>> all;
+  for (std::size_t k = 0; k < scene.memories.size(); ++k)
+    for (Index i = 0; i < Index(scene.memories[k].modes.size()); ++i) {
+      all.emplace_back(scene.memories.size(), 0);
+      all.back()[k] = i;
+    }
+  return all;
+}
+
+ParameterChange parameter_change(const ParameterNeighbours& n, const Scene& scene, const Vector& at, bool written_out,
+                                 const std::vector<std::vector<Index>>& modes) {
+  if (!modes.empty()) {
+    ParameterChange found = parameter_change(n, scene, at, written_out);
+    for (const std::vector<Index>& now : modes)
+      found.in_modes[now] =
+          parameter_change(neighbours_in(n, now), in_modes(with_memory_rows(scene), now), at, true).data;
+    return found;
+  }
   const Vector t = beside_jumps(n, at, scene.T);
   const bool dynamics = !shares_dynamics(n, scene);
   std::array<SceneData, 4> there;

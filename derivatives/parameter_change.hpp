@@ -52,16 +52,21 @@ struct ParameterChange {
   KroneckerChange sum = {};            ///< of a Kronecker sum that is not written out
   bool of_sum = false;                 ///< whether `sum` is not zero
   std::vector<MovingJump> jumps = {};  ///< times at which f or g jumps
+  ChangesInModes in_modes = {};        ///< of a scene with memories, in the modes that were asked for
 };
 
 /// `t`: times at which the data are looked at to choose d. `written_out`: A, B, N and E as dense matrices and f with m
 /// columns; otherwise f is that of f = B f. Throws Error where the scene for a neighbouring value cannot be made or
-/// has other sizes, T, free rows or ends, where jumps of f or g appear or vanish, and where the data are not smooth at
-/// p.
+/// has other sizes, T, free rows, memories or ends, where jumps of f or g appear or vanish, and where the data are not
+/// smooth at p.
 ParameterNeighbours neighbours_of(const VariedParameter&, const Scene&, const Vector& t, bool written_out);
 
-/// With tables at the times `t`. Throws Error where the dynamics change and are not written out, except for what
-/// KroneckerChange has.
-ParameterChange parameter_change(const ParameterNeighbours&, const Scene&, const Vector& t, bool written_out);
+/// With tables at the times `t`. `modes`: those of ParameterChange::in_modes. Throws Error where the dynamics change
+/// and are not written out, except for what KroneckerChange has.
+ParameterChange parameter_change(const ParameterNeighbours&, const Scene&, const Vector& t, bool written_out,
+                                 const std::vector<std::vector<Index>>& modes = {});
+
+/// Modes in which each mode of a memory is once; none without memories.
+std::vector<std::vector<Index>> each_mode(const Scene&);
 
 }  // namespace bromwich

@@ -90,8 +90,12 @@ Vector fine_times(const Vector& rows, const std::vector<ParameterNeighbours>& ne
   }
   std::vector<double> more;
   for (const ParameterNeighbours& n : neighbours) {
-    const DataChange c = parameter_change(n, scene, all, true).data;
-    bend = std::max({bend, bend_of(c.f, all, kinks), bend_of(c.g, all, kinks)});
+    const ParameterChange change = parameter_change(n, scene, all, true, each_mode(scene));
+    const auto look = [&](const DataChange& c) {
+      bend = std::max({bend, bend_of(c.f, all, kinks), bend_of(c.g, all, kinks)});
+    };
+    look(change.data);
+    for (const auto& [modes, c] : change.in_modes) look(c);
     for (const double at : n.moving) {  // the change has other limits on both sides
       const double beside = 2 * n.moved + 1e-9 * scene.T;
       more.push_back(at - beside), more.push_back(at + beside);
@@ -167,6 +171,14 @@ void add_multiple(Table& sum, double c, const Table& value) {
     sum += c * value;
 }
 
+void add_multiple(DataChange& sum, double c, const DataChange& value) {
+  add_multiple(sum.x0, c, value.x0), add_multiple(sum.b, c, value.b);
+  add_multiple(sum.f, c, value.f), add_multiple(sum.g, c, value.g);
+  for (const auto member : {&DataChange::A, &DataChange::B, &DataChange::N, &DataChange::M, &DataChange::E,
+                            &DataChange::E0, &DataChange::ET})
+    add_multiple(sum.*member, c, value.*member);
+}
+
 }  // namespace
 
 ParameterDerivative::ParameterDerivative(const Scene& scene, const Result& result, Backend& backend,
@@ -187,7 +199,9 @@ ParameterDerivative::ParameterDerivative(const Scene& scene, const Result& resul
   for (std::size_t i = 0; i < parameters.size(); ++i) {
     names_.push_back(parameters[i].name);
     const ParameterNeighbours& n = neighbours_[i];
-    changes_.push_back(parameter_change(n, scene, sampled_at(of_data_.times(), scene.T), is_written_out(scene)));
+    const bool in_modes = of_data_.switched() && !scene.memories.empty();
+    changes_.push_back(parameter_change(n, scene, sampled_at(of_data_.times(), scene.T), is_written_out(scene),
+                                        in_modes ? of_data_.switched()->modes() : std::vector<std::vector<Index>>()));
     if (const GalerkinDerivative* galerkin = of_data_.of_boundary_values())
       of_problem_.push_back(galerkin->change({&n.at[0].scene, &n.at[1].scene, &n.at[2].scene, &n.at[3].scene}, n.step));
     const double size = parameters[i].value != 0 ? std::abs(parameters[i].value) : 1;
@@ -214,11 +228,8 @@ ParameterChange ParameterDerivative::combined(const Vector& by) const {
   ParameterChange sum;
   for (Index i = 0; i < parameters(); ++i) {
     const ParameterChange& one = changes_[std::size_t(i)];
-    add_multiple(sum.data.x0, by[i], one.data.x0), add_multiple(sum.data.b, by[i], one.data.b);
-    add_multiple(sum.data.f, by[i], one.data.f), add_multiple(sum.data.g, by[i], one.data.g);
-    for (const auto member : {&DataChange::A, &DataChange::B, &DataChange::N, &DataChange::M, &DataChange::E,
-                              &DataChange::E0, &DataChange::ET})
-      add_multiple(sum.data.*member, by[i], one.data.*member);
+    add_multiple(sum.data, by[i], one.data);
+    for (const auto& [modes, c] : one.in_modes) add_multiple(sum.in_modes[modes], by[i], c);
     for (const auto member : {&KroneckerChange::face, &KroneckerChange::across, &KroneckerChange::decay,
                               &KroneckerChange::input, &KroneckerChange::output})
       sum.sum.*member += by[i] * one.sum.*member;
@@ -249,6 +260,7 @@ SolutionChange ParameterDerivative::along(const Vector& by, bool states) const {
     for (std::size_t i = 1; i < of_problem_.size(); ++i) sum.b += by[Index(i)] * of_problem_[i].b;
     return galerkin->jvp(sum);
   }
+  if (!change.in_modes.empty()) return of_data_.switched()->jvp(change.in_modes, change.jumps);
   if (!change.jumps.empty()) return of_data_.switched()->jvp(change.data, change.jumps);
   SolutionChange out = of_data_.jvp(change.data, states);
   if (change.of_sum) {
@@ -284,7 +296,8 @@ Vector ParameterDerivative::gradient(const SolutionChange& of) const {
       if ((of.*member).size() > 0) sum += (of.*member).cwiseProduct(change.*member).sum();
     return sum;
   };
-  const bool jumps = std::any_of(changes_.begin(), changes_.end(), [](const auto& c) { return !c.jumps.empty(); });
+  const bool jumps = std::any_of(changes_.begin(), changes_.end(),
+                                 [](const auto& c) { return !c.jumps.empty() || !c.in_modes.empty(); });
   if (jumps || (switched && !switched->only_along().empty())) {
     for (Index i = 0; i < parameters(); ++i) by[i] = by_tangent(i);
     return by;

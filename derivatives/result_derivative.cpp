@@ -80,8 +80,13 @@ void first_of(const First& first, const Second& second) {
 
 // Near x(0) of the solution that the result is of.
 Vector start_of(const Scene& scene, const Result& r) {
-  if (!scene.boundary || r.start.size() > 0) return r.start;
-  return r.x.cols() == scene.states() && r.x.rows() > 0 ? Vector(r.x.row(0).transpose()) : Vector();
+  Vector start = r.start;
+  if (scene.boundary && start.size() == 0 && r.x.cols() == scene.states() && r.x.rows() > 0) start = r.x.row(0);
+  if (start.size() == 0 || scene.memories.empty()) return start;
+  if (r.modes.rows() == 0) return {};
+  Vector with_modes(start.size() + r.modes.cols());
+  with_modes << start, r.modes.row(0).transpose();
+  return with_modes;
 }
 
 // Of the grid of a result by shooting.

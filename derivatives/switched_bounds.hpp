@@ -6,6 +6,7 @@
 
 #include <cmath>
 #include <string>
+#include <vector>
 
 namespace bromwich {
 
@@ -64,6 +65,12 @@ struct BoundedJet {
   }
   BoundedJet after(const BoundedJet& D) const {
     return {switched::composed_jet(value, D.value), switched::composed_jet(terms, D.terms)};
+  }
+  /// Rows that do not change.
+  void clear(const std::vector<Index>& rows) {
+    for (Jet* jet : {&value, &terms})
+      for (Matrix* block : {&jet->x, &jet->f, &jet->df, &jet->g, &jet->dg, &jet->ddg})
+        for (const Index i : rows) block->row(i).setZero();
   }
   bool vanishes() const {
     using switched::small_against;

@@ -30,9 +30,10 @@ SwitchedTape::Bounded SwitchedTape::saltation(const Switch& s, const Piece* befo
     dt = Matrix{{-1 / s.rate}} * Bounded::of(s.row).after(D);
     D = D + Matrix(s.rate_before) * dt;
   }
+  D.clear(s.set);
   for (const Impulse& p : s.impulses) {
     const SwitchedMode& mode = p.mode->rows;
-    const Matrix move = system_.B * mode.impulse;
+    const Matrix& B = p.mode->system().B;
     Bounded moved = D;
     if (s.moves) moved = D + Matrix(-p.rate) * dt;
     const Bounded off = Bounded::of(mode.constraints).after(moved) + Bounded::of(p.rebound).after(D),
@@ -44,7 +45,7 @@ SwitchedTape::Bounded SwitchedTape::saltation(const Switch& s, const Piece* befo
         not_differentiable_at_switch(text("the impulse of constraint %ld vanishes at t = %.6g", long(i), s.t),
                                      other_switch_data);
     }
-    D = D + system_.B * impulse;
+    D = D + B * impulse;
   }
   if (s.moves) D = D + Matrix(-s.rate_after) * dt;
   return D;
@@ -80,7 +81,7 @@ void SwitchedTape::check(Switch& s, const Piece* before, const Piece& after) {
   Bounded dt;
   const Bounded D = saltation(s, before, dt);
   const auto check_component = [&](bool first, const Piece& p, double at, Index i, const Bounded& state) {
-    if (!vanishes(p, at, i)) return;
+    if (!vanishes(p, at, i) || is_alike_beyond(*p.mode, i)) return;
     const double rate = rate_of_component(p, at, i);
     Bounded c = component(*p.mode, i).after(state);
     // A rate that is only rounding has the terms of one that is not.

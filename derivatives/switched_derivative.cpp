@@ -4,6 +4,8 @@
 #include "core/base/text.hpp"
 #include "core/lcp/lcp_class.hpp"
 #include "core/scene/breakpoints.hpp"
+#include "core/scene/mass_matrix.hpp"
+#include "core/scene/memory_rows.hpp"
 #include "core/shooting/flow_derivative.hpp"
 #include "core/shooting/located_shooting.hpp"
 #include "core/solve/scaling.hpp"
@@ -30,29 +32,35 @@ namespace {
   throw Error("derivative", found, remedy);
 }
 
-// The scene with dense dynamics and E = I.
-Scene without_mass(const Scene& given, Matrix& inverse) {
-  Scene scene = written_out(given);
+// The scene with the rows of its memories, dense dynamics and E = I.
+Scene written_for_events(const Scene& given, Matrix& inverse) {
+  const Scene scene = written_out(given.memories.empty() ? given : with_memory_rows(given));
   const DenseDynamics& d = *scene.dynamics->small_state();
   if (d.E.size() == 0) return scene;
   const Eigen::FullPivLU<Matrix> lu(d.E);
   if (!lu.isInvertible()) not_defined("E is singular", "eliminate the algebraic states");
   inverse = lu.inverse();
-  const Matrix F = given.f ? Matrix(inverse * source_matrix(scene, d)) : Matrix();
-  DenseDynamics plain;
-  plain.A = inverse * d.A;
-  plain.B = inverse * d.B;
-  plain.N = d.N;
-  if (scene.f)
-    scene.f = [F, f = scene.f](double t, Eigen::Ref<Vector> v) {
-      Vector phi = Vector::Zero(F.cols());
-      f(t, phi);
-      v = F * phi;
-    };
-  scene.f_entry = SourceEntry::state;
-  scene.F = {};
-  scene.dynamics = plain;
-  return scene;
+  return *without_mass(scene);
+}
+
+// Tables of a scene in those of the scene with the rows of its memories, and back. Empty ones stay.
+template <class Table>
+void resize(Table& table, Index rows, Index columns) {
+  if (table.size() == 0) return;
+  Table other = Table::Zero(rows, columns);
+  const Index r = std::min(rows, table.rows()), c = std::min(columns, table.cols());
+  other.topLeftCorner(r, c) = table.topLeftCorner(r, c);
+  table = std::move(other);
+}
+void resize(SolutionChange& s, Index m, Index n) {
+  for (RowMatrix* table : {&s.y, &s.w, &s.integral}) resize(*table, table->rows(), n);
+  resize(s.x, s.x.rows(), m);
+}
+void resize(DataChange& c, Index m, Index n) {
+  resize(c.x0, m, 1), resize(c.b, m, 1);
+  resize(c.f, c.f.rows(), m), resize(c.g, c.g.rows(), n);
+  resize(c.B, m, n), resize(c.N, n, m), resize(c.M, n, n);
+  for (Matrix* square : {&c.A, &c.E, &c.E0, &c.ET}) resize(*square, m, m);
 }
 
 EventSolution located(const Scene& scene, double tolerance) {
@@ -85,12 +93,12 @@ SwitchedDerivative::SwitchedDerivative(const Scene& given, const Vector& times, 
   given.validate();
   if (const DenseDynamics* d = given.dynamics->small_state(); !d || !given.free_rows.empty())
     not_defined("the scene has no small dense form, or free rows", "differentiate a scene with dense matrices");
-  if (!given.memories.empty()) not_defined("modes with memory have no derivatives here", "use differences of solves");
   const Index rows = t_.size();
   bool good = rows >= 2 && t_[0] == 0 && std::abs(t_[rows - 1] - given.T) <= 1e-12 * given.T;
   for (Index j = 1; j < rows; ++j) good = good && t_[j] > t_[j - 1];
   if (!good) throw Error("times", "are not increasing from 0 to T", "give times from 0 to T");
-  Scene plain = without_mass(given, inverse_E_);
+  Scene plain = written_for_events(given, inverse_E_);
+  m_ = plain.states(), n_ = plain.constraints();
   Scene started = plain;
   started.boundary.reset();
   if (const std::string why = unsuited_to_events(started); !why.empty())
@@ -114,19 +122,24 @@ SwitchedDerivative::SwitchedDerivative(const Scene& given, const Vector& times, 
   one_sided_ = tape_->one_sided();
   without_M_ = tape_->without_M();
   only_along_ = tape_->only_along();
-  const Index m = given.states(), n = given.constraints();
-  values_ = {RowMatrix(rows, n), RowMatrix(rows, m), RowMatrix(rows, n), RowMatrix(rows, n)};
+  values_ = {RowMatrix(rows, n_), RowMatrix(rows, m_), RowMatrix(rows, n_), RowMatrix(rows, n_)};
   for (Index j = 0; j < rows; ++j) {
     const bool left = j == rows - 1;
-    Vector g = Vector::Zero(n);
-    if (scene.g) scene.g(t_[j], g);
+    const Regime& regime = tape_->regimes().at(s.piece(t_[j], left).modes);
     values_.y.row(j) = s.y(t_[j], left).transpose();
     values_.x.row(j) = s.x(t_[j], left).transpose();
     values_.integral.row(j) = s.integral_of_y(t_[j], left).transpose();
-    values_.w.row(j) = values_.x.row(j) * scene.dynamics->small_state()->N.transpose() +
-                       values_.y.row(j) * to_dense(scene.M).transpose() + g.transpose();
+    values_.w.row(j) = values_.x.row(j) * regime.system.N.transpose() + values_.y.row(j) * regime.system.M.transpose() +
+                       regime.sources.g(t_[j]).transpose();
   }
   scale(values_);
+  resize(values_, given.states(), given.constraints());
+}
+
+std::vector<std::vector<Index>> SwitchedDerivative::modes() const {
+  std::vector<std::vector<Index>> all;
+  for (const auto& [modes, regime] : tape_->regimes()) all.push_back(modes);
+  return all;
 }
 
 // In place of the boundary condition: x(0).
@@ -180,6 +193,20 @@ SolutionChange SwitchedDerivative::jvp(const DataChange& given, const std::vecto
   check_data(given, rows, m, n);
   check_table("b", given.b, m, 1), check_table("E0", given.E0, m, m), check_table("ET", given.ET, m, m);
   DataChange c = given;
+  resize(c, m_, n_);
+  prepare(c);
+  return jvp([&c](const std::vector<Index>&) -> const DataChange& { return c; }, c, jumps);
+}
+
+SolutionChange SwitchedDerivative::jvp(const ChangesInModes& given, const std::vector<MovingJump>& jumps) const {
+  ChangesInModes all = given;
+  for (auto& [modes, change] : all) prepare(change);
+  return jvp([&all](const std::vector<Index>& modes) -> const DataChange& { return all.at(modes); },
+             all.begin()->second, jumps);
+}
+
+// To natural units and E = I.
+void SwitchedDerivative::prepare(DataChange& c) const {
   if (c.E.size() > 0) c.E = -c.E;
   if (inverse_E_.size() > 0) {
     for (Matrix* change : {&c.A, &c.B, &c.E})
@@ -187,15 +214,22 @@ SolutionChange SwitchedDerivative::jvp(const DataChange& given, const std::vecto
     if (c.f.size() > 0) c.f = c.f * inverse_E_.transpose();
   }
   scale(c);
-  if (ends_) c.x0 = change_of_start(c, jumps);
-  SolutionChange out = tape_->jvp(c, jumps);
+}
+
+// `any`: of some modes, for x0 or the boundary condition.
+SolutionChange SwitchedDerivative::jvp(const ChangeInModes& in, const DataChange& any,
+                                       const std::vector<MovingJump>& jumps) const {
+  const Vector x0 = ends_ ? change_of_start(in, any, jumps) : any.x0;
+  SolutionChange out = tape_->jvp(in, x0, jumps);
   scale(out);
+  resize(out, values_.x.cols(), values_.y.cols());
   return out;
 }
 
-Vector SwitchedDerivative::change_of_start(const DataChange& c, const std::vector<MovingJump>& jumps) const {
+Vector SwitchedDerivative::change_of_start(const ChangeInModes& in, const DataChange& c,
+                                           const std::vector<MovingJump>& jumps) const {
   // What has to stay zero does so with the change of x(0) alone.
-  const RowMatrix held = tape_->jvp(c, jumps, SwitchedTape::Zeros::may_move).x;
+  const RowMatrix held = tape_->jvp(in, {}, jumps, SwitchedTape::Zeros::may_move).x;
   Vector right = -ends_->condition.ET * held.bottomRows(1).transpose();
   if (c.b.size() > 0) right += c.b;
   if (c.E0.size() > 0) right -= c.E0 * ends_->first;
@@ -210,7 +244,7 @@ Vector SwitchedDerivative::change_of_start(const DataChange& c, const std::vecto
 // Of weights, and of those that x(0) has with x(0) held.
 DataChange SwitchedDerivative::with_ends(SolutionChange of, const Vector& of_start) const {
   const Vector multiplier = ends_->closing.transpose().solve(of_start);
-  if (of.x.size() == 0) of.x = RowMatrix::Zero(values_.x.rows(), values_.x.cols());
+  if (of.x.size() == 0) of.x = RowMatrix::Zero(t_.size(), m_);
   of.x.bottomRows(1) -= multiplier.transpose() * ends_->condition.ET;
   DataChange bar = tape_->vjp(of);
   bar.x0.resize(0);
@@ -233,6 +267,7 @@ DataChange SwitchedDerivative::vjp(const SolutionChange& given) const {
       if (table->size() > 0 && (table->row(j).array() != 0).any())
         not_defined(text("not differentiable here: t = %.6g is at a switch", t_[j]), "ask for other times");
   SolutionChange of = given;
+  resize(of, m_, n_);
   scale(of);
   DataChange bar = tape_->vjp(of);
   if (ends_) bar = with_ends(of, bar.x0);
@@ -244,6 +279,7 @@ DataChange SwitchedDerivative::vjp(const SolutionChange& given) const {
     if (bar.f.size() > 0) bar.f = bar.f * inverse_E_;
   }
   bar.E = -bar.E;
+  resize(bar, m, n);
   return bar;
 }
 

@@ -22,18 +22,21 @@ JetValues back(const Jet& c, const Vector& v) {
 
 // Where y is not unique, the change of x must not depend on the one that is taken. Where M_SS is singular, a change of
 // M has to leave its kernels.
-void SwitchedTape::check_ambiguities(const DataChange& c) const {
+void SwitchedTape::check_ambiguities(const ChangeInModes& change_in) const {
   const auto moves = [](const Matrix& change, const Matrix& by) {
     if (change.size() == 0 || by.cols() == 0) return false;
     return ((change * by).cwiseAbs() - 1e-9 * change.cwiseAbs() * by.cwiseAbs()).maxCoeff() > 0;
   };
   for (const auto& [together, a] : ambiguities_)
-    if (moves(c.B, a.right) || moves(c.M, a.right) || moves(c.M.transpose(), a.left) || moves(c.N.transpose(), a.left))
+    if (const DataChange& c = change_in(together.first->modes);
+        moves(c.B, a.right) || moves(c.M, a.right) || moves(c.M.transpose(), a.left) || moves(c.N.transpose(), a.left))
       throw Error("derivative",
                   "not differentiable here: y is not unique, and the change makes x depend on which y it is",
                   "change equal constraints alike, or leave out one of them");
-  if (c.M.size() == 0) return;
-  for (const auto& [S, kernel] : singular_) {
+  for (const auto& [rows, kernel] : singular_) {
+    const auto& [regime, S] = rows;
+    const DataChange& c = change_in(regime->modes);
+    if (c.M.size() == 0) continue;
     Matrix change = Matrix::Zero(n_, n_);
     change(S, S) = c.M(S, S);
     if (moves(change, kernel.right) || moves(change.transpose(), kernel.left))
@@ -42,10 +45,11 @@ void SwitchedTape::check_ambiguities(const DataChange& c) const {
 }
 
 // Constraints on the state that are derivatives of w (a rigid contact) need N B = 0 there; changes have to keep it.
-void SwitchedTape::check_structure(const DataChange& c) const {
-  check_ambiguities(c);
-  if (c.B.size() == 0 && c.N.size() == 0) return;
-  for (const auto& [active, mode] : modes_) {
+void SwitchedTape::check_structure(const ChangeInModes& change_in) const {
+  check_ambiguities(change_in);
+  for (const auto& [of, mode] : modes_) {
+    const DataChange& c = change_in(mode.regime->modes);
+    const std::vector<Index>& active = mode.rows.active;
     const Jet& rows = mode.rows.constraints;
     if (rows.x.rows() == 0 || !(rows.f.array() != 0).any()) continue;
     Matrix change = Matrix::Zero(rows.x.rows(), Index(active.size())), terms = change;
@@ -55,7 +59,7 @@ void SwitchedTape::check_structure(const DataChange& c) const {
       terms += rows.f.cwiseAbs() * dB.cwiseAbs();
     }
     if (c.N.size() > 0) {
-      const Matrix dg = rows.dg * c.N, B = system_.B(Eigen::all, active);
+      const Matrix dg = rows.dg * c.N, B = mode.system().B(Eigen::all, active);
       change += dg * B;
       terms += rows.dg.cwiseAbs() * c.N.cwiseAbs() * B.cwiseAbs();
     }
@@ -135,7 +139,7 @@ Matrix SwitchedTape::inputs(const Part& part, const Sources& s) const {
   if (p.mode->rows.uses_dg) of_y += D * s.g * y.dg.transpose();
   if (p.mode->rows.uses_ddg) of_y += D * (D * s.g) * y.ddg.transpose();
   Matrix all(tape_degree + 1, m_ + n_);
-  all << s.f + of_y * system_.B.transpose(), of_y;
+  all << s.f + of_y * p.mode->system().B.transpose(), of_y;
   return part.inputs * all;
 }
 
@@ -143,7 +147,7 @@ void SwitchedTape::add_inputs(const Part& part, const Matrix& bar, Sources& to) 
   const Piece& p = piece_of(part);
   const Jet& y = p.mode->rows.y;
   const Matrix D = Collocation::get().derivative / p.length, all = part.inputs.transpose() * bar;
-  const Matrix of_f = all.leftCols(m_), of_y = of_f * system_.B + all.rightCols(n_);
+  const Matrix of_f = all.leftCols(m_), of_y = of_f * p.mode->system().B + all.rightCols(n_);
   to.f += of_f + of_y * y.f;
   to.g += of_y * y.g;
   if (p.mode->rows.uses_df) to.f += D.transpose() * of_y * y.df;
@@ -158,7 +162,8 @@ void SwitchedTape::add_terms(const Part& part, const Sources& s, State& z) const
   for (const double share : {0.0, 1.0}) {
     JetValues u = switched::sizes_of(values_of(s, p, part.from + share * part.width));
     u.x = z.x.cwiseAbs();
-    const Vector rate = system_.A.cwiseAbs() * u.x + u.f + system_.B.cwiseAbs() * terms(p.mode->rows.y, u);
+    const SystemMatrices& system = p.mode->system();
+    const Vector rate = system.A.cwiseAbs() * u.x + u.f + system.B.cwiseAbs() * terms(p.mode->rows.y, u);
     z.largest = z.largest.cwiseMax(u.x + length * rate);
   }
 }
@@ -194,14 +199,14 @@ void SwitchedTape::project(const Part& part, const Sources& s, State& z) const {
   JetValues u = values_of(s, piece_of(part), part.from);
   u.x = z.x;
   const Vector p = mode.impulse * evaluate(mode.constraints, u);
-  z.x += system_.B * p;
+  z.x += piece_of(part).mode->system().B * p;
   z.integral += p;
 }
 
 void SwitchedTape::project_back(const Part& part, Sources& of, State& bar) const {
   const SwitchedMode& mode = piece_of(part).mode->rows;
   if (mode.constraints.x.rows() == 0) return;
-  const Vector p = system_.B.transpose() * bar.x + bar.integral;
+  const Vector p = piece_of(part).mode->system().B.transpose() * bar.x + bar.integral;
   const JetValues u = back(mode.constraints, mode.impulse.transpose() * p);
   bar.x += u.x;
   add_values(u, piece_of(part), part.from, of);
@@ -223,7 +228,9 @@ void SwitchedTape::pass(const Switch& s, const Part* before, const Sources& of_b
     z.x += dt * s.rate_before;
     z.integral += dt * s.y_before;
   }
+  for (const Index j : s.set) z.x[j] = terms_of_x[j] = 0;
   for (const Impulse& p : s.impulses) {
+    const Matrix& B = p.mode->system().B;
     JetValues left = before ? values_of(of_before, piece_of(*before), before->from + before->width)
                             : values_of(of_after, piece_of(after), after.from);
     left.x = z.x;
@@ -234,9 +241,9 @@ void SwitchedTape::pass(const Switch& s, const Part* before, const Sources& of_b
     JetValues u = values_of(of_after, piece_of(after), after.from);
     u.x = z.x - dt * p.rate;
     const Vector q = mode.impulse * (evaluate(mode.constraints, u) + back);
-    z.x += system_.B * q;
+    z.x += B * q;
     z.integral += q;
-    terms_of_x += (system_.B * q).cwiseAbs();
+    terms_of_x += (B * q).cwiseAbs();
   }
   if (before) {
     z.x -= dt * s.rate_after;
@@ -268,7 +275,7 @@ void SwitchedTape::pass_back(const Switch& s, const Part* before, Sources& of_be
   if (s.moves) dt -= s.rate_after.dot(bar.x) + s.y_after.dot(bar.integral);
   for (auto p = s.impulses.rbegin(); p != s.impulses.rend(); ++p) {
     const SwitchedMode& mode = p->mode->rows;
-    const Vector q = system_.B.transpose() * bar.x + bar.integral;
+    const Vector q = p->mode->system().B.transpose() * bar.x + bar.integral;
     const Vector off = mode.impulse.transpose() * q;
     const JetValues u = back(mode.constraints, off);
     bar.x += u.x;
@@ -284,6 +291,7 @@ void SwitchedTape::pass_back(const Switch& s, const Part* before, Sources& of_be
     else
       add_values(r, piece_of(after), after.from, of_after);
   }
+  for (const Index j : s.set) bar.x[j] = 0;
   if (!s.moves) return;
   dt += s.rate_before.dot(bar.x) + s.y_before.dot(bar.integral);
   const JetValues u = back(s.row, Vector{{-dt / s.rate}});
@@ -298,7 +306,8 @@ void SwitchedTape::write(Index row, const Part& part, double at, const State& z,
   const Vector y = evaluate(piece_of(part).mode->rows.y, u);
   to.y.row(row) = y.transpose();
   to.x.row(row) = z.x.transpose();
-  to.w.row(row) = (system_.N * z.x + system_.M * y + u.g).transpose();
+  const SystemMatrices& system = piece_of(part).mode->system();
+  to.w.row(row) = (system.N * z.x + system.M * y + u.g).transpose();
   to.integral.row(row) = z.integral.transpose();
 }
 
@@ -307,25 +316,28 @@ void SwitchedTape::read(Index row, const Part& part, double at, const SolutionCh
   Vector of_y = Vector::Zero(n_), of_w = of_y;
   if (from.y.size() > 0) of_y += from.y.row(row).transpose();
   if (from.w.size() > 0) of_w += from.w.row(row).transpose();
-  JetValues u = back(piece_of(part).mode->rows.y, of_y + system_.M.transpose() * of_w);
+  const SystemMatrices& system = piece_of(part).mode->system();
+  JetValues u = back(piece_of(part).mode->rows.y, of_y + system.M.transpose() * of_w);
   u.g += of_w;
-  bar.x += u.x + system_.N.transpose() * of_w;
+  bar.x += u.x + system.N.transpose() * of_w;
   if (from.x.size() > 0) bar.x += from.x.row(row).transpose();
   if (from.integral.size() > 0) bar.integral += from.integral.row(row).transpose();
   add_values(u, piece_of(part), at, of);
 }
 
-SolutionChange SwitchedTape::jvp(const DataChange& c, const std::vector<MovingJump>& jumps, Zeros zeros) const {
-  check_structure(c);
+SolutionChange SwitchedTape::jvp(const ChangeInModes& change_in, const Vector& x0, const std::vector<MovingJump>& jumps,
+                                 Zeros zeros) const {
+  check_structure(change_in);
   const std::vector<double> moved = moved_parts(jumps);
   const Index rows = t_.size();
   SolutionChange out{RowMatrix::Zero(rows, n_), RowMatrix::Zero(rows, m_), RowMatrix::Zero(rows, n_),
                      RowMatrix::Zero(rows, n_)};
-  State z{c.x0.size() > 0 ? c.x0 : Vector::Zero(m_), Vector::Zero(n_), {}, zeros};
+  State z{x0.size() > 0 ? x0 : Vector::Zero(m_), Vector::Zero(n_), {}, zeros};
   if (!only_along_.empty()) z.largest = z.x.cwiseAbs();
   const Part* before = nullptr;
   Sources last = no_sources();
   for (const Part& part : parts_) {
+    const DataChange& c = change_in(piece_of(part).mode->regime->modes);
     const Sources s = changed(part, c);
     const double by = moved[std::size_t(&part - parts_.data())];
     if (part.change >= 0) {

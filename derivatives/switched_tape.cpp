@@ -1,7 +1,6 @@
 #include "derivatives/switched_tape.hpp"
 
 #include "core/base/text.hpp"
-#include "core/events/switched_system.hpp"
 
 #include <Eigen/LU>
 #include <Eigen/QR>
@@ -27,7 +26,6 @@ constexpr double share_of_largest = 1e-8;
 
 SwitchedTape::SwitchedTape(const Scene& scene, const EventSolution& s, const Vector& times, bool along_some)
     : m_(scene.states()), n_(scene.constraints()), T_(scene.T), t_(times), along_some_(along_some) {
-  system_ = switched_system(scene, guards(scene));
   add_pieces(scene, s);
   find_sizes(s);
   add_parts(s, scene.breakpoints);
@@ -57,10 +55,15 @@ void leave_out_rounding(Jet& rows) {
 
 }  // namespace
 
-const SwitchedTape::Mode* SwitchedTape::mode_of(const std::vector<Index>& active) {
+const Regime* SwitchedTape::regime_of(const Scene& scene, const std::vector<Index>& modes) {
+  const auto known = regimes_.find(modes);
+  return known != regimes_.end() ? &known->second : &regimes_.try_emplace(modes, scene, modes).first->second;
+}
+
+const SwitchedTape::Mode* SwitchedTape::mode_of(const Rows& active) {
   const auto known = modes_.find(active);
   if (known != modes_.end()) return &known->second;
-  std::optional<SwitchedMode> rows = make_switched_mode(system_, active);
+  std::optional<SwitchedMode> rows = make_switched_mode(active.first->system, active.second);
   if (!rows)
     not_differentiable_at_switch("an active set does not determine y", "remove constraints that repeat each other");
   leave_out_rounding(rows->y);
@@ -72,7 +75,7 @@ const SwitchedTape::Mode* SwitchedTape::mode_of(const std::vector<Index>& active
     const Matrix back = Eigen::CompleteOrthogonalDecomposition<Matrix>(constraints.x).pseudoInverse();
     kept = kept + Matrix(-back) * Bounded::of(constraints);
   }
-  return &modes_.emplace(active, Mode{std::move(*rows), std::move(A), std::move(kept)}).first->second;
+  return &modes_.emplace(active, Mode{active.first, std::move(*rows), std::move(A), std::move(kept)}).first->second;
 }
 
 const PartMaps* SwitchedTape::maps_of(const Mode* mode, double length) {
@@ -82,14 +85,14 @@ const PartMaps* SwitchedTape::maps_of(const Mode* mode, double length) {
 }
 
 void SwitchedTape::add_pieces(const Scene& scene, const EventSolution& s) {
-  const EventSources sources(scene);
   for (const EventPiece& p : s.pieces) {
     if (p.passed)
       not_differentiable_at_switch(text("switches accumulate, or a kink is not known exactly, at t = %.6g", p.begin),
                                    "");
-    const EventSources::Polynomials given = sources.sample(p.begin, p.length);
-    const Matrix rate = p.x * system_.A.transpose() + p.y * system_.B.transpose() + given.f;
-    pieces_.push_back({mode_of(p.active),
+    const Regime* regime = regime_of(scene, p.modes);
+    const EventSources::Polynomials given = regime->sources.sample(p.begin, p.length);
+    const Matrix rate = p.x * regime->system.A.transpose() + p.y * regime->system.B.transpose() + given.f;
+    pieces_.push_back({mode_of({regime, p.active}),
                        p.begin,
                        p.length,
                        std::min(1.0, (p.end - p.begin) / p.length),
@@ -106,15 +109,16 @@ SwitchedTape::Bounded SwitchedTape::component(const Mode& mode, Index i) const {
   const bool active = std::binary_search(mode.rows.active.begin(), mode.rows.active.end(), i);
   if (active) return Matrix(Matrix::Identity(n_, n_).row(i)) * y;
   Jet rest = Jet::zero(1, m_, n_);
-  rest.x = system_.N.row(i);
+  rest.x = mode.system().N.row(i);
   rest.g(0, i) = 1;
-  return Matrix(system_.M.row(i)) * y + Bounded::of(rest);
+  return Matrix(mode.system().M.row(i)) * y + Bounded::of(rest);
 }
 
 Vector SwitchedTape::polynomial(const Piece& p, Index i) const {
   const std::vector<Index>& S = p.mode->rows.active;
   if (std::binary_search(S.begin(), S.end(), i)) return p.y.col(i);
-  return p.x * system_.N.row(i).transpose() + p.y * system_.M.row(i).transpose() + p.sources.g.col(i);
+  const SystemMatrices& system = p.mode->system();
+  return p.x * system.N.row(i).transpose() + p.y * system.M.row(i).transpose() + p.sources.g.col(i);
 }
 
 JetValues SwitchedTape::values_of(const Sources& s, const Piece& p, double at) const {
@@ -132,7 +136,7 @@ void SwitchedTape::add_values(const JetValues& bar, const Piece& p, double at, S
 }
 
 Vector SwitchedTape::rate_of(const Mode& mode, const JetValues& u) const {
-  return system_.A * u.x + system_.B * evaluate(mode.rows.y, u) + u.f;
+  return mode.system().A * u.x + mode.system().B * evaluate(mode.rows.y, u) + u.f;
 }
 
 // The largest value of each component so far, or a share of the sum of its terms if that is larger. What an impulse
@@ -141,11 +145,12 @@ void SwitchedTape::find_sizes(const EventSolution& s) {
   Vector most_y = Vector::Constant(n_, 1e-290), most_w = most_y;
   for (std::size_t k = 0; k < pieces_.size(); ++k) {
     Piece& p = pieces_[k];
+    const SystemMatrices& system = p.mode->system();
     JetValues u = sizes_of(values_of(p.sources, p, 0));
     u.x = p.x.cwiseAbs().colwise().sum().transpose();
-    for (const EventImpulse& impulse : s.pieces[k].impulses) u.x += (system_.B * impulse.p).cwiseAbs();
+    for (const EventImpulse& impulse : s.pieces[k].impulses) u.x += (system.B * impulse.p).cwiseAbs();
     const Vector of_y = terms(p.mode->rows.y, u), y = p.y.cwiseAbs().colwise().sum().transpose();
-    const Vector of_w = system_.N.cwiseAbs() * u.x + system_.M.cwiseAbs() * y + u.g;
+    const Vector of_w = system.N.cwiseAbs() * u.x + system.M.cwiseAbs() * y + u.g;
     for (Index i = 0; i < n_; ++i) {
       const std::vector<Index>& S = p.mode->rows.active;
       const bool active = std::binary_search(S.begin(), S.end(), i);
@@ -169,11 +174,33 @@ bool SwitchedTape::vanishes(const Piece& p, double at, Index i) const {
   return std::abs(legendre(at).dot(polynomial(p, i))) <= vanishing_component * size_of(p, i);
 }
 
+// Whether the motion beyond a zero of active component i is the one before it: another constraint, at zero as long as
+// the set is active, takes its place, as where the current of a closed switch changes its direction.
+bool SwitchedTape::is_alike_beyond(const Mode& mode, Index i) {
+  if (const auto known = alike_beyond_.find({&mode, i}); known != alike_beyond_.end()) return known->second;
+  const std::vector<Index>& S = mode.rows.active;
+  const SystemMatrices& system = mode.system();
+  bool& found = alike_beyond_[{&mode, i}] = false;
+  if (!std::binary_search(S.begin(), S.end(), i)) return false;
+  for (Index j = 0; j < n_ && !found; ++j) {
+    if (std::binary_search(S.begin(), S.end(), j) || !component(mode, j).after(mode.kept).vanishes()) continue;
+    std::vector<Index> beyond = S;
+    *std::lower_bound(beyond.begin(), beyond.end(), i) = j;
+    std::sort(beyond.begin(), beyond.end());
+    const std::optional<SwitchedMode> other = make_switched_mode(system, beyond);
+    if (!other || other->constraints.x.rows() != mode.rows.constraints.x.rows()) continue;
+    const Bounded difference = Bounded::of(other->y) + Matrix(-Matrix::Identity(n_, n_)) * Bounded::of(mode.rows.y);
+    found = (system.B * difference).vanishes() && (system.M * difference).after(mode.kept).vanishes();
+  }
+  return found;
+}
+
 void SwitchedTape::add_parts(const EventSolution& s, const std::vector<double>& breakpoints) {
   Index row = 0;
   for (std::size_t k = 0; k < s.pieces.size(); ++k) {
     const EventPiece *before = k > 0 ? &s.pieces[k - 1] : nullptr, &p = s.pieces[k];
-    const bool change = !before || before->event >= 0 || before->active != p.active || !p.impulses.empty();
+    const bool change =
+        !before || before->event >= 0 || before->active != p.active || before->modes != p.modes || !p.impulses.empty();
     const Index first = Index(parts_.size());
     cut(Index(k), p.end, row);
     if (!change) continue;
@@ -207,8 +234,10 @@ void SwitchedTape::cut(Index piece, double end, Index& row) {
 // The switch before piece k.
 void SwitchedTape::add_switch(const EventSolution& solution, std::size_t k, const std::vector<double>& breakpoints) {
   const Piece& to = pieces_[k];
+  const Matrix& B = to.mode->system().B;
   Switch s;
   s.t = to.begin;
+  s.set = solution.pieces[k].set;
   Vector x = k > 0 ? Vector(pieces_[k - 1].x.transpose() * legendre(pieces_[k - 1].until)) : Vector();
   if (k > 0) {
     const Piece& from = pieces_[k - 1];
@@ -231,21 +260,22 @@ void SwitchedTape::add_switch(const EventSolution& solution, std::size_t k, cons
           not_differentiable_at_switch(text("a switch coincides with a breakpoint of the sources at t = %.6g", s.t),
                                        other_switch_data);
     }
-  } else {
-    x = to.x.transpose() * legendre(0);
-    for (const EventImpulse& p : solution.pieces[k].impulses) x -= system_.B * p.p;
   }
+  Vector start = to.x.transpose() * legendre(0);
+  for (const EventImpulse& p : solution.pieces[k].impulses) start -= B * p.p;
+  if (k == 0) x = start;
+  for (const Index j : s.set) x[j] = start[j];
   s.rate_after = to.rate.transpose() * legendre(0);
   s.y_after = to.y.transpose() * legendre(0);
   JetValues u = values_of(to.sources, to, 0);
   JetValues rates = k > 0 ? values_of(pieces_[k - 1].sources, pieces_[k - 1], pieces_[k - 1].until) : u;
   rates.f = rates.df, rates.g = rates.dg, rates.dg = rates.ddg;
   for (const EventImpulse& p : solution.pieces[k].impulses) {
-    const Mode* mode = mode_of(p.active);
-    const Vector move = system_.B * p.p;
+    const Mode* mode = mode_of({to.mode->regime, p.active});
+    const Vector move = B * p.p;
     x += move;
     u.x = x;
-    const Jet back = rebound(system_, mode->rows, p.e);
+    const Jet back = rebound(mode->system(), mode->rows, p.e);
     s.impulses.push_back({mode, p.p, move, rate_of(*mode, u), back, evaluate(back, rates)});
   }
   switches_.push_back(std::move(s));
@@ -312,7 +342,7 @@ bool SwitchedTape::may_rest(const std::vector<Sample>& run, std::size_t first, s
   if (!always && !along_some_) return false;
   std::vector<Index> together = mode.rows.active;
   together.push_back(i);
-  find_ambiguity(together);
+  find_ambiguity({mode.regime, together});
   if (!always) add_condition(text("y_%ld = w_%ld = 0 from t = %.6g on", long(i), long(i), run[first].t), rows, false);
   for (std::size_t k = first; k < last; ++k)
     if (std::vector<Index>& known = parts_[run[k].part].rests; !always && (known.empty() || known.back() != i))
@@ -351,7 +381,8 @@ void SwitchedTape::measure_run(const std::vector<Sample>& run, bool to_end) {
       if (at_end && std::abs(now) <= vanishing_component) continue;
       const bool by_rest = (k > 0 && rests[k - 1]) || (k + 1 < count && rests[k + 1]);
       const double least = std::max(0.0, now < looked_at && !by_rest ? least_beside(run, k, i) : now);
-      if (least < margin_.margin) margin_.margin = least, margin_.time = run[k].t, margin_.constraint = i;
+      if (least < margin_.margin && !is_alike_beyond(*pieces_[std::size_t(run[k].piece)].mode, i))
+        margin_.margin = least, margin_.time = run[k].t, margin_.constraint = i;
     }
   }
 }
@@ -377,24 +408,27 @@ Matrix common_kernel(const Matrix& first, const Matrix& second, const std::vecto
 }  // namespace
 
 // v with M_SS v = 0 and B_S v = 0, u with u^T M_SS = 0 and u^T N_S = 0.
-void SwitchedTape::find_ambiguity(const std::vector<Index>& together) {
-  if (together.empty() || ambiguities_.contains(together)) return;
-  const Matrix M = system_.M(together, together);
-  ambiguities_[together] = {common_kernel(M, system_.B(Eigen::all, together), together, n_),
-                            common_kernel(M.transpose(), system_.N(together, Eigen::all).transpose(), together, n_)};
+void SwitchedTape::find_ambiguity(const Rows& of) {
+  const auto& [regime, together] = of;
+  if (together.empty() || ambiguities_.contains(of)) return;
+  const SystemMatrices& s = regime->system;
+  const Matrix M = s.M(together, together);
+  ambiguities_[of] = {common_kernel(M, s.B(Eigen::all, together), together, n_),
+                      common_kernel(M.transpose(), s.N(together, Eigen::all).transpose(), together, n_)};
 }
 
 // The kernels of M_SS. A change of M that does not keep them turns constraints on the state, or a jump of y, into fast
 // motions, which are stable on one side only.
-void SwitchedTape::find_singular(const std::vector<Index>& S) {
-  if (S.empty() || singular_.contains(S)) return;
-  const Matrix M = system_.M(S, S), none(0, Index(S.size()));
-  singular_[S] = {common_kernel(M, none, S, n_), common_kernel(M.transpose(), none, S, n_)};
+void SwitchedTape::find_singular(const Rows& of) {
+  const std::vector<Index>& S = of.second;
+  if (S.empty() || singular_.contains(of)) return;
+  const Matrix M = of.first->system.M(S, S), none(0, Index(S.size()));
+  singular_[of] = {common_kernel(M, none, S, n_), common_kernel(M.transpose(), none, S, n_)};
 }
 
 // The sets that a jump of y may pass through.
-void SwitchedTape::find_singular_between(const std::vector<Index>& from, const std::vector<Index>& to,
-                                         Index component) {
+void SwitchedTape::find_singular_between(const Rows& before, const std::vector<Index>& to, Index component) {
+  const auto& [regime, from] = before;
   constexpr std::size_t most_looked_at = 8;
   std::vector<Index> both, either, changing;
   std::set_intersection(from.begin(), from.end(), to.begin(), to.end(), std::back_inserter(both));
@@ -404,7 +438,8 @@ void SwitchedTape::find_singular_between(const std::vector<Index>& from, const s
   std::erase(both, component);
   std::set_difference(either.begin(), either.end(), both.begin(), both.end(), std::back_inserter(changing));
   if (changing.size() > most_looked_at) {  // no change at all
-    singular_[either] = {Matrix::Identity(n_, n_)(Eigen::all, either), Matrix::Identity(n_, n_)(Eigen::all, either)};
+    singular_[{regime, either}] = {Matrix::Identity(n_, n_)(Eigen::all, either),
+                                   Matrix::Identity(n_, n_)(Eigen::all, either)};
     return;
   }
   for (std::size_t chosen = 0; chosen < std::size_t(1) << changing.size(); ++chosen) {
@@ -412,7 +447,7 @@ void SwitchedTape::find_singular_between(const std::vector<Index>& from, const s
     for (std::size_t i = 0; i < changing.size(); ++i)
       if (chosen >> i & 1) S.push_back(changing[i]);
     std::sort(S.begin(), S.end());
-    find_singular(S);
+    find_singular({regime, S});
   }
 }
 
@@ -429,8 +464,9 @@ void SwitchedTape::judge_M() {
     const Switch& s = switches_[std::size_t(parts_[k].change)];
     if (!s.moves || n_ == 0) continue;
     if (((s.y_after - s.y_before).cwiseAbs() - 1e-6 * pieces_.back().most_y).maxCoeff() <= 0) continue;
-    find_singular_between(piece_of(parts_[k - 1]).mode->rows.active, piece_of(parts_[k]).mode->rows.active,
-                          s.component);
+    const Mode &before = *piece_of(parts_[k - 1]).mode, &after = *piece_of(parts_[k]).mode;
+    if (before.regime != after.regime) continue;  // M of each regime says what y is
+    find_singular_between({before.regime, before.rows.active}, after.rows.active, s.component);
     if (without_M_.empty())
       without_M_ = text("y jumps at the switch at t = %.6g, and a change of M removes the jump", s.t);
   }

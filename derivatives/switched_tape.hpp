@@ -3,10 +3,12 @@
 // derivatives/switched_derivative.hpp for the equations.
 
 #include "../core/events/event_driven.hpp"
+#include "../core/events/regime.hpp"
 #include "part_maps.hpp"
 #include "solution_derivative.hpp"
 #include "switched_bounds.hpp"
 
+#include <functional>
 #include <map>
 #include <string>
 #include <utility>
@@ -23,9 +25,12 @@ struct ConditionedData {
   bool all() const { return start && rates && rows; }
 };
 
+/// The change of the data while the memories of the scene are in these modes; none without memories.
+using ChangeInModes = std::function<const DataChange&(const std::vector<Index>& modes)>;
+
 class SwitchedTape {
  public:
-  /// E of a change is here the matrix D of f~ = ... + D x'. The scene has E = I.
+  /// E of a change is here the matrix D of f~ = ... + D x'. The scene has E = I, and the rows of its memories.
   /// `along_some`: a solution that has derivatives along some changes alone is taken, too.
   SwitchedTape(const Scene&, const EventSolution&, const Vector& times, bool along_some = false);
 
@@ -40,16 +45,25 @@ class SwitchedTape {
 
   /// may_move: no error where something that has to stay zero does not.
   enum class Zeros : char { stay, may_move };
-  SolutionChange jvp(const DataChange&, const std::vector<MovingJump>& = {}, Zeros = Zeros::stay) const;
+  /// x0: m, or empty: 0; that of the changes does not count.
+  SolutionChange jvp(const ChangeInModes&, const Vector& x0, const std::vector<MovingJump>& = {},
+                     Zeros = Zeros::stay) const;
+  /// Of a change that is the same in all modes.
   DataChange vjp(const SolutionChange&) const;
+
+  /// The scene in the modes that the solution comes to.
+  const std::map<std::vector<Index>, Regime>& regimes() const { return regimes_; }
 
  private:
   using Bounded = BoundedJet;
   // A mode with (x, integral of y) as its state.
   struct Mode {
+    const Regime* regime;
     SwitchedMode rows;
     Matrix A;      ///< [[A_S, 0], [Y_x, 0]]
     Bounded kept;  ///< the changes of the state that keep the constraints, m rows of all changes
+
+    const SystemMatrices& system() const { return regime->system; }
   };
   // Legendre coefficients of f and g, or of f~ and g~, on a part.
   struct Sources {
@@ -97,6 +111,7 @@ class SwitchedTape {
     Jet row;          ///< c, 1 row
     double rate = 0;  ///< c'
     Vector rate_before, rate_after, y_before, y_after;
+    std::vector<Index> set;  ///< states that memories set, before the impulses
     std::vector<Impulse> impulses;
     std::vector<Condition> conditions = {};
   };
@@ -119,7 +134,11 @@ class SwitchedTape {
     Vector c;
   };
 
-  const Mode* mode_of(const std::vector<Index>& active);
+  /// Constraints of the scene in the modes of a regime.
+  using Rows = std::pair<const Regime*, std::vector<Index>>;
+
+  const Regime* regime_of(const Scene&, const std::vector<Index>& modes);
+  const Mode* mode_of(const Rows& active);
   const PartMaps* maps_of(const Mode*, double length);
   void add_pieces(const Scene&, const EventSolution&);
   void add_parts(const EventSolution&, const std::vector<double>& breakpoints);
@@ -133,6 +152,7 @@ class SwitchedTape {
   void find_sizes(const EventSolution&);
   double size_of(const Piece&, Index i) const;
   bool vanishes(const Piece&, double at, Index i) const;
+  bool is_alike_beyond(const Mode&, Index i);
   Bounded saltation(const Switch&, const Piece* before, Bounded& dt) const;
   void check(Switch&, const Piece* before, const Piece& after);
   void check_conditions(const Switch&, bool before, const Piece&, double at, const Sources&, const Vector& x,
@@ -149,11 +169,11 @@ class SwitchedTape {
   void check_rest(const Part&, double share, const Sources&, const State&) const;
   double least_beside(const std::vector<Sample>&, std::size_t k, Index i) const;
   void judge_M();
-  void find_ambiguity(const std::vector<Index>& together);
-  void find_singular(const std::vector<Index>& S);
-  void find_singular_between(const std::vector<Index>& from, const std::vector<Index>& to, Index component);
-  void check_ambiguities(const DataChange&) const;
-  void check_structure(const DataChange&) const;
+  void find_ambiguity(const Rows& together);
+  void find_singular(const Rows& S);
+  void find_singular_between(const Rows& from, const std::vector<Index>& to, Index component);
+  void check_ambiguities(const ChangeInModes&) const;
+  void check_structure(const ChangeInModes&) const;
 
   const Piece& piece_of(const Part& p) const { return pieces_[std::size_t(p.piece)]; }
   Sources changed(const Part&, const DataChange&) const;
@@ -180,11 +200,11 @@ class SwitchedTape {
     return {Matrix::Zero(Collocation::degree + 1, m_), Matrix::Zero(Collocation::degree + 1, n_)};
   }
 
-  SystemMatrices system_;
   Index m_, n_;
   double T_;
   Vector t_;
-  std::map<std::vector<Index>, Mode> modes_;
+  std::map<std::vector<Index>, Regime> regimes_;
+  std::map<Rows, Mode> modes_;
   std::map<std::pair<const Mode*, long long>, PartMaps> maps_;
   std::vector<Piece> pieces_;
   std::vector<Part> parts_;
@@ -193,8 +213,9 @@ class SwitchedTape {
   std::vector<Index> one_sided_;
   bool along_some_;
   std::string without_M_, only_along_;
-  std::map<std::vector<Index>, Ambiguity> ambiguities_;  ///< of each set that was looked at; most are empty
-  std::map<std::vector<Index>, Ambiguity> singular_;     ///< kernels of M_SS that a change of M has to keep
+  std::map<std::pair<const Mode*, Index>, bool> alike_beyond_;  ///< see is_alike_beyond
+  std::map<Rows, Ambiguity> ambiguities_;                       ///< of each set that was looked at; most are empty
+  std::map<Rows, Ambiguity> singular_;                          ///< kernels of M_SS that a change of M has to keep
   ConditionedData conditioned_;
 };
 

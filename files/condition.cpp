@@ -2,6 +2,7 @@
 
 #include "core/base/error.hpp"
 #include "files/names.hpp"
+#include "files/state_functions.hpp"
 
 #include <fmt/format.h>
 
@@ -105,6 +106,13 @@ std::optional<SlopesOfText> slopes_of(const Formula& formula, double T) {
 
 }  // namespace
 
+ConditionNames::ConditionNames(Index m, const std::vector<std::string>& x, Index n, const std::vector<std::string>& y,
+                               const std::vector<std::string>& all)
+    : variables(variables_of('x', m, x, n, y)), states(m), constraints(n), memories(Index(all.size())) {
+  for (std::size_t k = 0; k < all.size(); ++k)
+    if (can_be_variable(all[k])) variables.emplace(all[k], std::size_t(m + n) + k);
+}
+
 Memory::Condition read_condition(const std::string& text, const ConditionNames& names, const Expressions& expressions,
                                  double T, const std::string& where, SwitchTimes& switches) {
   const std::optional<Sides> sides = sides_of(text);
@@ -113,14 +121,15 @@ Memory::Condition read_condition(const std::string& text, const ConditionNames& 
   const auto slopes = slopes_of(expressions.formula(difference, names.variables, where), T);
   if (!slopes)
     throw Error(where, in_quotes(text) + " is not affine in x and y",
-                "compare sums of states and y with constant factors, and functions of t");
+                "compare sums of states, y and modes of memories with constant factors, and functions of t");
   Memory::Condition condition;
   for (const auto& [k, slope] : *slopes) {
     if (slope == 0) continue;
-    const bool of_x = Index(k) < names.states;
-    Vector& into = of_x ? condition.x : condition.y;
-    if (into.size() == 0) into = Vector::Zero(of_x ? names.states : names.constraints);
-    into[of_x ? Index(k) : Index(k) - names.states] = slope;
+    const Index number = Index(k), m = names.states, n = names.constraints;
+    const bool of_y = number >= m && number < m + n;
+    Vector& into = of_y ? condition.y : condition.x;
+    if (into.size() == 0) into = Vector::Zero(of_y ? n : m + names.memories);
+    into[of_y ? number - m : number < m ? number : number - n] = slope;
   }
   const std::string of_time =
       expressions.in_full(with_names_replaced(difference,

@@ -10,10 +10,16 @@
 
 namespace bromwich {
 
-/// What conditions may name: numbers of x from 0, and those of y behind them.
+/// What conditions may name: numbers of x from 0, those of y and of memories behind them. A memory stands for the
+/// number of its mode.
 struct ConditionNames {
-  std::map<std::string, std::size_t> variables;  ///< see variables_of (files/state_functions.hpp)
-  Index states = 0, constraints = 0;
+  std::map<std::string, std::size_t> variables;
+  Index states = 0, constraints = 0, memories = 0;
+
+  /// Of variables_of (files/state_functions.hpp), and memories whose names stand for nothing else.
+  ConditionNames(Index states, const std::vector<std::string>& x, Index constraints, const std::vector<std::string>& y,
+                 const std::vector<std::string>& memories);
+  ConditionNames() = default;
 };
 
 /// The condition, with the times in [0, T] at which its function of time may jump or have a kink. Throws Error(where,

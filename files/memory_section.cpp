@@ -5,7 +5,6 @@
 #include "files/condition.hpp"
 #include "files/reference_section.hpp"
 #include "files/scene_matrices.hpp"
-#include "files/state_functions.hpp"
 #include "files/words.hpp"
 
 #include <fmt/format.h>
@@ -19,12 +18,12 @@ namespace {
 /// One memory of the file.
 class Reader {
  public:
-  Reader(const Section& section, Draft& draft)
+  Reader(const Section& section, Draft& draft, const std::vector<std::string>& memories)
       : section_(section),
         draft_(draft),
         m_(draft.scene.states()),
         n_(draft.scene.constraints()),
-        names_{variables_of('x', m_, draft.scene.names.x, n_, draft.scene.names.y), m_, n_} {}
+        names_(m_, draft.scene.names.x, n_, draft.scene.names.y, memories) {}
 
   Memory read() const {
     Memory memory;
@@ -96,6 +95,8 @@ class Reader {
 }  // namespace
 
 void add_memories(const Sections& s, Draft& draft) {
+  std::vector<std::string> all;
+  for (const Section& section : s.memories) all.push_back(section.text("name", ""));
   std::set<std::string> names;
   for (const Section& section : s.memories) {
     if (draft.mechanism)
@@ -104,7 +105,7 @@ void add_memories(const Sections& s, Draft& draft) {
     if (!draft.scene.dynamics->small_state() || !draft.scene.free_rows.empty())
       throw Error(section.where("modes"), "is given for a scene without dense matrices, or with free rows",
                   "write A, B and N as lists of rows");
-    draft.scene.memories.push_back(Reader(section, draft).read());
+    draft.scene.memories.push_back(Reader(section, draft, all).read());
     if (const std::string& name = draft.scene.memories.back().name; !names.insert(name).second)
       throw Error(section.where("name"), fmt::format("'{}' is taken", name), "give every memory a name of its own");
   }

@@ -35,17 +35,20 @@ std::vector<double> joined(In x, In y) {
 
 }  // namespace
 
+bool can_be_variable(const std::string& name) {
+  const auto functions = expression_functions();
+  return is_name(name) && name != "t" && name != "pi" &&
+         std::find(functions.begin(), functions.end(), name) == functions.end();
+}
+
 std::map<std::string, std::size_t> variables_of(char letter, Index seen, const std::vector<std::string>& x_names,
                                                 Index constraints, const std::vector<std::string>& y_names) {
   std::map<std::string, std::size_t> all;
   for (Index i = 0; i < seen; ++i) all.emplace(letter + std::to_string(i), std::size_t(i));
   for (Index i = 0; i < constraints; ++i) all.emplace("y" + std::to_string(i), std::size_t(seen + i));
-  std::set<std::string> taken;
-  for (const std::string& name : expression_functions()) taken.insert(name);
-  taken.insert({"t", "pi"});
   const auto add = [&](const std::vector<std::string>& names, Index first) {
     for (std::size_t i = 0; i < names.size(); ++i)
-      if (is_name(names[i]) && !taken.contains(names[i])) all.emplace(names[i], std::size_t(first) + i);
+      if (can_be_variable(names[i])) all.emplace(names[i], std::size_t(first) + i);
   };
   if (letter == 'x') add(x_names, 0);
   add(y_names, seen);

@@ -11,9 +11,11 @@
 
 namespace bromwich {
 
+/// Whether it stands for nothing else in expressions.
+bool can_be_variable(const std::string& name);
+
 /// Numbers of the variables of formulas: x0, x1, ... and their names from 0, y0, y1, ... and their names from `seen`
-/// on. `letter`: that of what the functions see besides y, x or v. A name that stands for nothing else in expressions
-/// is a variable; one that is given twice is not.
+/// on. `letter`: that of what the functions see besides y, x or v. A name that can be one is a variable.
 std::map<std::string, std::size_t> variables_of(char letter, Index seen, const std::vector<std::string>& x_names,
                                                 Index constraints, const std::vector<std::string>& y_names);
 

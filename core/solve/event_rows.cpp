@@ -32,15 +32,14 @@ void EventRows::fill(const EventSolution& s, const std::vector<Index>& component
   const Index n = p_.scene.constraints(), J = p_.J;
   r.y = r.y_integral = RowMatrix::Constant(J + 1, n, NAN);
   states_ = RowMatrix::Constant(J + 1, p_.scene.states(), NAN);
-  const bool remembers = !p_.scene.memories.empty();  // modes that are left at once do not count
-  if (!remembers) r.y.row(0) = at_zero_.y.row(0);
+  const bool located = !s.pieces.empty(), remembers = !p_.scene.memories.empty();
+  const bool jumps = (start_ == Start::impulse || remembers) && located;  // modes that are left at once do not count
   r.y_integral.row(0).setZero();
-  states_.row(0) = p_.scene.x0.transpose();
-  const bool jumps = (start_ == Start::impulse || remembers) && !s.pieces.empty();
-  if (jumps) {
+  states_.row(0) = (jumps ? s.x(0, false) : p_.scene.x0).transpose();
+  if (jumps || (located && !has_one_solution(p_.lcp_class)))  // M alone does not say what y is
     r.y.row(0) = s.y(0, false).cwiseMax(0).transpose();
-    states_.row(0) = s.x(0, false).transpose();
-  }
+  else if (!remembers)
+    r.y.row(0) = at_zero_.y.row(0);
   const auto at_breakpoint = [this](Index j) {
     return std::binary_search(at_breakpoints_.begin(), at_breakpoints_.end(), j);
   };

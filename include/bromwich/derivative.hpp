@@ -24,6 +24,8 @@
 #include "scene.hpp"
 
 #include <cmath>
+#include <functional>
+#include <map>
 #include <memory>
 #include <string>
 #include <vector>
@@ -55,6 +57,9 @@ struct DataChange {
   Vector b = {};            ///< m, where the scene has a boundary condition
   Matrix E0 = {}, ET = {};  ///< m x m, likewise
 };
+
+/// By the modes of memories, one number for each memory.
+using ChangesInModes = std::map<std::vector<Index>, DataChange>;
 
 /// A time at which f or g jumps, and how it changes.
 struct MovingJump {
@@ -124,6 +129,9 @@ class SolutionDerivative {
 // with the derivative of the map x+ = x- + B p where the state jumps. The integral of y gets (y- - y+) dt + dp. vjp is
 // the transpose of all these maps in reverse order.
 //
+// At a change of the mode of a memory c is its condition, the dynamics behind it are those of the new mode, and states
+// that the memory sets do not change. A change of A, ..., g counts in all modes.
+//
 // With E0 x(0) + ET x(T) = b, and D the derivative of x(T) by x(0), x(0) changes by
 //
 //     (E0 + ET D) dx0 = db - dE0 x(0) - dET x(T) - ET dphi,
@@ -142,7 +150,8 @@ class SwitchedDerivative {
   /// the integration with located switches ends early, and where the solution is not differentiable. `along_some`:
   /// where constraints with y_i = w_i = 0 at a switch, at t = 0, or from one switch to the next leave a derivative
   /// along changes that keep them so, that is one; other changes throw Error. `tolerance`: of the integration.
-  /// `start`: with a boundary condition, an x(0) near that of the solution; empty: none is known.
+  /// `start`: with a boundary condition, an x(0) near that of the solution, and behind it the numbers of the modes of
+  /// memories; empty: none is known.
   SwitchedDerivative(const Scene&, const Vector& times, bool along_some = false, double tolerance = usual_tolerance,
                      const Vector& start = {});
   ~SwitchedDerivative();
@@ -162,25 +171,33 @@ class SwitchedDerivative {
   /// Empty, or why only some changes have a derivative.
   const std::string& only_along() const { return only_along_; }
 
-  /// x(0), from which the boundary condition was met; empty without one.
+  /// x(0) and the modes of memories, from which the boundary condition was met; empty without one.
   const Vector& start() const { return start_; }
+
+  /// The modes of memories that the solution comes to; without memories one without numbers.
+  std::vector<std::vector<Index>> modes() const;
 
   /// Throws Error for a change of M where there is no derivative with respect to it.
   SolutionChange jvp(const DataChange&) const;
   /// The same where times at which f or g jump change, too. Throws Error for times that are no breakpoints of the
   /// scene.
   SolutionChange jvp(const DataChange&, const std::vector<MovingJump>&) const;
+  /// Of a scene with memories, by a change for all of modes() of the scene that with_memory_rows makes of it.
+  SolutionChange jvp(const ChangesInModes&, const std::vector<MovingJump>&) const;
   /// M is empty where there is no derivative with respect to it. Without a boundary condition, where only some changes
   /// have a derivative, all members are empty on which its conditions depend: x0; f, A, B and E; or g, N and M. Throws
   /// Error where none is left (with a boundary condition x(0) depends on all), and for weights on one-sided rows.
   DataChange vjp(const SolutionChange&) const;
 
  private:
+  using ChangeInModes = std::function<const DataChange&(const std::vector<Index>&)>;
   void scale(SolutionChange&) const;
   void scale(DataChange&) const;
+  void prepare(DataChange&) const;
   struct Ends;
   void find_start(Scene&, double tolerance, const Vector& start);
-  Vector change_of_start(const DataChange&, const std::vector<MovingJump>&) const;
+  SolutionChange jvp(const ChangeInModes&, const DataChange& any, const std::vector<MovingJump>&) const;
+  Vector change_of_start(const ChangeInModes&, const DataChange& any, const std::vector<MovingJump>&) const;
   DataChange with_ends(SolutionChange of, const Vector& of_start) const;
 
   Vector t_;
@@ -192,6 +209,7 @@ class SwitchedDerivative {
   std::unique_ptr<const NaturalUnits> units_;
   std::unique_ptr<Ends> ends_;  ///< with a boundary condition
   Vector start_;
+  Index m_, n_;                               ///< with the modes of memories, and the rows that watch them
   Matrix inverse_E_;                          ///< empty: E = I
   std::unique_ptr<const SwitchedTape> tape_;  ///< in natural units
 };

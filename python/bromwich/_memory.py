@@ -30,8 +30,8 @@ class Memory:
             - ``f``, ``g``: added to f (m values) and g (n values), as sources of :class:`Scene`;
             - ``A``, ``B``, ``N``, ``M``: matrices that are added;
             - ``leave``: a dict, or a list of them, of which the first that holds is taken: ``to``, a mode; ``when``, a comparison
-              that is affine in states and y, ``"temperature < 0.9"``, or a list of them that all have to hold; ``set``, values
-              of states that jump then, ``{"v": 0}``.
+              that is affine in states, y and the modes of memories, numbers from 0 by their names, ``"temperature < 0.9"``, or a
+              list of them that all have to hold; ``set``, values of states that jump then, ``{"v": 0}``.
         start: the mode at t = 0; None: the first. A mode whose conditions hold is left at once.
 
     Example:

@@ -98,7 +98,9 @@ void bind_memories(nb::module_& m) {
       [](Model& model, const nb::list& given, const std::vector<std::string>& x, const std::vector<std::string>& y,
          const std::map<std::string, double>& parameters) {
         Scene& scene = model.scene;
-        const ConditionReader conditions(scene.states(), x, scene.constraints(), y, parameters, scene.T);
+        std::vector<std::string> names;
+        for (const nb::handle one : given) names.push_back(nb::cast<std::string>(nb::cast<nb::dict>(one)["name"]));
+        const ConditionReader conditions(scene.states(), x, scene.constraints(), y, names, parameters, scene.T);
         Statement statement(model, conditions);
         std::vector<Memory> memories;
         for (const nb::handle one : given) {

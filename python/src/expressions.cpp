@@ -1,5 +1,4 @@
 #include "files/condition.hpp"
-#include "files/state_functions.hpp"
 #include "sources.hpp"
 
 #include <nanobind/stl/map.h>
@@ -31,11 +30,11 @@ struct ConditionReader::Parts {
 };
 
 ConditionReader::ConditionReader(Index states, const std::vector<std::string>& x, Index constraints,
-                                 const std::vector<std::string>& y, const std::map<std::string, double>& parameters,
-                                 double T) {
+                                 const std::vector<std::string>& y, const std::vector<std::string>& memories,
+                                 const std::map<std::string, double>& parameters, double T) {
   const auto parts = std::make_shared<Parts>();
   for (const auto& [key, value] : parameters) parts->expressions.define(key, value, "parameters");
-  parts->names = {variables_of('x', states, x, constraints, y), states, constraints};
+  parts->names = {states, x, constraints, y, memories};
   parts->T = T;
   parts_ = parts;
 }

@@ -12,7 +12,7 @@ Source expression_source(const std::vector<std::string>&, const std::map<std::st
 struct ConditionReader::Parts {};
 
 ConditionReader::ConditionReader(Index, const std::vector<std::string>&, Index, const std::vector<std::string>&,
-                                 const std::map<std::string, double>&, double) {
+                                 const std::vector<std::string>&, const std::map<std::string, double>&, double) {
   throw Error("memory", "has conditions, and this build has no reader for them",
               "install libtomlplusplus-dev and libmuparser-dev and build again");
 }

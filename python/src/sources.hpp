@@ -51,7 +51,7 @@ struct ReadCondition {
 class ConditionReader {
  public:
   ConditionReader(Index states, const std::vector<std::string>& x, Index constraints, const std::vector<std::string>& y,
-                  const std::map<std::string, double>& parameters, double T);
+                  const std::vector<std::string>& memories, const std::map<std::string, double>& parameters, double T);
   ReadCondition read(const std::string& text, const std::string& name) const;
   /// The number of a state by its name; -1: there is none.
   Index state(const std::string& name) const;

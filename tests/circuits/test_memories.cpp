@@ -1,5 +1,6 @@
 // Switches that the state of the circuit controls, and thyristors, against closed forms.
 
+#include "derivatives/parameter_derivative.hpp"
 #include "tests/circuits/circuits.hpp"
 
 #include <gtest/gtest.h>
@@ -116,6 +117,70 @@ TEST(Memories, PeakCurrentControlInPeriodicState) {
   const double m1 = 7.0 / 10e-6, m2 = 5.0 / 10e-6, i = 4 - m1 * m2 * 10e-6 / (m1 + m2);
   EXPECT_NEAR(r.start[0], i, 1e-5);  // of 4 A over 1 uohm, and 12 V over 10 megohm
   EXPECT_NEAR(r.multipliers[0].real(), -m2 / m1, 1e-5);
+}
+
+// Two thyristors on a source of current: one takes it over from the other, and there is no state.
+TEST(Memories, ThyristorsOnASourceOfCurrent) {
+  const Circuit c = circuit_of(
+      "V1 a 0 SIN(0 100 50)\nS1 a b g 0 T1\nS2 0 b g2 0 T1\nI1 b 0 5\nVg g 0 PULSE(0 5 3m 0 0 0.2m 20m)\n"
+      "Vg2 g2 0 PULSE(0 5 13m 0 0 0.2m 20m)\n.model T1 SCR(Ron=1m Roff=1Meg Vfwd=0 Ih=1m)\n.tran 1m 40m uic\n");
+  ASSERT_EQ(c.scene.memories.size(), 2u);
+  const double leak = 100.0 / 1e6;
+  EXPECT_NEAR(values(c, 5e-3).at("I(S1)"), 5, leak);
+  EXPECT_NEAR(values(c, 5e-3).at("V(b)"), 100 - 5e-3, leak);
+  EXPECT_NEAR(values(c, 15e-3).at("I(S2)"), 5, leak);
+}
+
+// Derivatives by parameters beside central differences of solves: two integrations to 1e-9 of x over steps of 1e-3 of
+// the parameter differ from its derivative by 1e-6 and its square.
+void expect_derivatives(const std::string& cards, const std::map<std::string, double>& parameters, double t) {
+  const auto with = [&](const std::string& name, double value) {
+    return parse_circuit("title\n" + cards, "test.cir", {}, {{name, value}}).scene;
+  };
+  const auto backend = make_cpu_backend(1);
+  Options options;
+  options.steps = 50;
+  options.states = StateSelection::all;
+  const auto at = [&](const Scene& scene) {
+    const Result r = solve(scene, *backend, options);
+    EXPECT_EQ(r.status, Status::solved) << r.reason;
+    return Vector(at_times(scene, *backend, r, {t}).x.row(0).transpose());
+  };
+  for (const auto& [name, value] : parameters) {
+    const std::string of = name;
+    const Scene scene = with(of, value);
+    const Result r = solve(scene, *backend, options);
+    ASSERT_FALSE(r.mode_changes.empty());
+    const ParameterDerivative d(scene, r, *backend,
+                                {{of, value, [&, of](double v) { return ParameterScene{with(of, v)}; }}}, {}, {t});
+    const SolutionChange change = d.jvp(0);
+    Index row = 0;
+    while (d.times()[row] < t - 1e-12) ++row;
+    const double step = 1e-4 * value;
+    const Vector known = (at(with(of, value + step)) - at(with(of, value - step))) / (2 * step);
+    for (Index i = 0; i < known.size(); ++i)
+      EXPECT_NEAR(change.x(row, i), known[i], 1e-5 * known.cwiseAbs().maxCoeff()) << of << ", state " << i;
+    SolutionChange weights;
+    weights.x = RowMatrix::Zero(d.times().size(), known.size());
+    weights.x(row, 0) = 1;
+    EXPECT_NEAR(d.vjp(weights)[0], change.x(row, 0), 1e-9 * known.cwiseAbs().maxCoeff());
+  }
+}
+
+TEST(Memories, DerivativesOfAConverterWithHysteresis) {
+  expect_derivatives(
+      ".param vin=12 L=10u level=4 Vh=0.5 R=2\nVin in 0 {vin}\nS1 in sw ctl 0 SP\nD1 0 sw DI\nL1 sw out {L}\n"
+      "C1 out 0 100u\nR1 out 0 {R}\nB1 ctl 0 V={level - I(L1)}\n.model SP SW(Ron=10m Roff=1k Vt=0 Vh={Vh})\n"
+      ".model DI D(Ron=10m Roff=1k Vfwd=0.4)\n.tran 1u 60u uic\n",
+      {{"vin", 12}, {"L", 10e-6}, {"level", 4}, {"vh", 0.5}, {"r", 2}}, 47.3e-6);
+}
+
+// By the angle at which it fires, too, whose time is a jump of the gate.
+TEST(Memories, DerivativesOfAThyristorBeforeACoil) {
+  expect_derivatives(
+      ".param delay=3m L=20m R=5 amp=100\nV1 a 0 SIN(0 {amp} 50)\nS1 a b g 0 T1\nL1 b c {L}\nR1 c 0 {R}\n"
+      "Vg g 0 PULSE(0 5 {delay} 0 0 0.2m 20m)\n.model T1 SCR(Ron=1m Roff=10k Vfwd=0 Ih=0.1m)\n.tran 1m 20m uic\n",
+      {{"delay", 3e-3}, {"l", 20e-3}, {"r", 5}, {"amp", 100}}, 8.3e-3);
 }
 
 }  // namespace memories_test

@@ -15,8 +15,10 @@
 
 #include <cmath>
 #include <cstdlib>
+#include <numbers>
 #include <optional>
 #include <string>
+#include <utility>
 
 namespace bromwich::switched_test {
 namespace {
@@ -321,6 +323,115 @@ TEST(SwitchedDerivative, WithAMassMatrix) {
   SolutionChange of;
   of.x = RowMatrix::Ones(4, 2);
   EXPECT_NEAR(d.vjp(of).E(1, 1), change.x.sum(), 1e-11);
+}
+
+// Modes with memory.
+
+// x' = -x, and `heat` more from x < low until x > 1.1.
+Scene thermostat(double low, double x0, double heat = 2) {
+  Scene s;
+  s.dynamics = DenseDynamics{Matrix{{-1}}, Matrix(1, 0), Matrix(0, 1)};
+  s.M = Matrix(0, 0);
+  s.x0 = Vector{{x0}};
+  s.T = 0.5;
+  const TimeFunction f = [heat](double, Eigen::Ref<Vector> v) { v[0] = heat; };
+  s.memories = {{"heater",
+                 {{.name = "off", .leave = {{"on", {Memory::below(0, low, 1)}}}},
+                  {.name = "on", .f = f, .leave = {{"off", {Memory::above(0, 1.1, 1)}}}}}}};
+  s.breakpoints_are_all = true;
+  return s;
+}
+
+// Off until x = 0.9 at t1 = ln(x0 / 0.9), then x = 2 - 1.1 e^{t1 - t}, to x = 1.1 at t1 + ln(1.1 / 0.9).
+TEST(SwitchedDerivative, OfAThermostat) {
+  const Vector t = Vector::LinSpaced(11, 0, 0.5);
+  const SwitchedDerivative d(thermostat(0.9, 1), t);
+  const double t1 = std::log(1 / 0.9), t2 = t1 + std::log(1.1 / 0.9);
+  ASSERT_EQ(d.switches().size(), 2u);
+  EXPECT_NEAR(d.switches()[0], t1, 1e-10);
+  EXPECT_EQ(d.modes().size(), 2u);
+  DataChange c;
+  c.x0 = Vector{{1}};
+  const SolutionChange by_x0 = d.jvp(c);  // t1 moves by 1
+  c = {};
+  c.f = RowMatrix::Ones(11, 1);  // x' = f - x: t1 moves by 1/0.9 - 1, and t2 - t1 by 1/1.1 - 1/0.9
+  const SolutionChange by_f = d.jvp(c);
+  for (Index j = 0; j < 11; ++j) {
+    const double s = t[j], on = std::exp(t1 - s), off = std::exp(t2 - s), moved = 1 / 0.9 - 1;
+    EXPECT_NEAR(by_x0.x(j, 0), s < t1 ? std::exp(-s) : s < t2 ? -1.1 * on : 1.1 * off, 1e-9) << s;
+    EXPECT_NEAR(by_f.x(j, 0),
+                s < t1   ? 1 - std::exp(-s)
+                : s < t2 ? 1 - on - 1.1 * on * moved
+                         : 1 - off + 1.1 * off * (moved + 1 / 1.1 - 1 / 0.9),
+                1e-9)
+        << s;
+  }
+  EXPECT_EQ(by_x0.y.cols(), 0);
+  EXPECT_EQ(by_x0.x.cols(), 1) << "the mode is no state";
+  SolutionChange of;
+  of.x = RowMatrix::Zero(11, 1);
+  of.x(10, 0) = 1;
+  const DataChange gradient = d.vjp(of);
+  EXPECT_NEAR(gradient.x0[0], by_x0.x(10, 0), 1e-11);
+  EXPECT_NEAR(gradient.f.sum(), by_f.x(10, 0), 1e-11);
+  EXPECT_EQ(gradient.A.size(), 1);
+}
+
+// v is set to 0.8 where x = 0, whatever it was.
+TEST(SwitchedDerivative, OfAStateThatAMemorySets) {
+  Scene s;
+  s.dynamics = DenseDynamics{Matrix{{0, 1}, {0, 0}}, Matrix(2, 0), Matrix(0, 2)};
+  s.M = Matrix(0, 0);
+  s.f = [](double, Eigen::Ref<Vector> v) { v << 0, -1; };
+  s.x0 = Vector{{0.5, 0.3}};
+  s.T = 2;
+  s.memories = {
+      {"kick", {{.name = "before", .leave = {{"behind", {Memory::below(0, 0, 2)}, {{1, 0.8}}}}}, {.name = "behind"}}}};
+  s.breakpoints_are_all = true;
+  const SwitchedDerivative d(s, Vector::LinSpaced(5, 0, 2));
+  const double v1 = -std::sqrt(0.09 + 1), t1 = 0.3 - v1;
+  for (const auto& [direction, dt] : {std::pair(Vector{{1, 0}}, -1 / v1), {Vector{{0, 1}}, -t1 / v1}}) {
+    DataChange c;
+    c.x0 = direction;
+    const SolutionChange change = d.jvp(c);
+    EXPECT_NEAR(change.x(4, 1), dt, 1e-9) << "v = 0.8 - (t - t1)";
+    EXPECT_NEAR(change.x(4, 0), -dt * (0.8 - (2 - t1)), 1e-9);
+    SolutionChange of;
+    of.x = RowMatrix::Zero(5, 2);
+    of.x.row(4) << 0.7, -0.4;
+    EXPECT_NEAR(d.vjp(of).x0.dot(direction), 0.7 * change.x(4, 0) - 0.4 * change.x(4, 1), 1e-11);
+  }
+}
+
+// A relay with hysteresis, x' = u - x between -1/2 and 1/2, in its periodic state with x(0) on the way up:
+// x(0) = x(T) holds for no other T, so that the inflow `bias` moves x(0).
+TEST(SwitchedDerivative, OfAModeInADrivenPeriod) {
+  const auto scene = [](double bias) {
+    Scene s;
+    s.dynamics = DenseDynamics{Matrix{{-1}}, Matrix(1, 0), Matrix(0, 1)};
+    s.M = Matrix(0, 0);
+    s.T = 2;
+    s.f = [bias](double t, Eigen::Ref<Vector> v) { v[0] = bias + std::sin(std::numbers::pi * t); };
+    const TimeFunction up = [](double, Eigen::Ref<Vector> v) { v[0] = 1; };
+    s.memories = {{"relay",
+                   {{.name = "down", .leave = {{"up", {Memory::below(0, -0.1, 1)}}}},
+                    {.name = "up", .f = up, .leave = {{"down", {Memory::above(0, 0.4, 1)}}}}}}};
+    s.breakpoints_are_all = true;
+    s.boundary = BoundaryCondition{Matrix{{1}}, Matrix{{-1}}, Vector{{0}}};
+    return s;
+  };
+  const Vector t = Vector::LinSpaced(9, 0, 2);
+  const double bias = -0.4, step = 1e-5;
+  const SwitchedDerivative d(scene(bias), t), up(scene(bias + step), t), down(scene(bias - step), t);
+  ASSERT_GE(d.switches().size(), 2u);
+  DataChange c;
+  c.f = RowMatrix::Ones(9, 1);
+  const RowMatrix found = d.jvp(c).x;
+  // The error of differences: that of x, 1e-10, over the step, and its square.
+  EXPECT_LE((found - (up.values().x - down.values().x) / (2 * step)).cwiseAbs().maxCoeff(), 1e-4);
+  SolutionChange of;
+  of.x = RowMatrix::Ones(9, 1);
+  EXPECT_NEAR(d.vjp(of).f.sum(), found.sum(), 1e-9);
 }
 
 // Random scenes.

@@ -101,6 +101,17 @@ TEST(MemorySection, AModeWhoseConditionHoldsIsLeftAtOnce) {
   EXPECT_NEAR(at_end(r)[0], 2 - 1.5 * std::exp(-0.2), located_error);
 }
 
+// A second memory follows the first by its name, one that stands before it.
+TEST(MemorySection, AMemoryInTheConditionOfAnother) {
+  const std::string lamp =
+      "[[memory]]\nname = \"lamp\"\n[memory.modes.dark]\nleave = [{ to = \"lit\", when = \"heater > 0.5\" }]\n"
+      "[memory.modes.lit]\nleave = [{ to = \"dark\", when = \"heater < 0.5\" }]\n[[memory]]";
+  const Result r = solved(with_replaced(thermostat, "[[memory]]", lamp));
+  ASSERT_EQ(r.modes.cols(), 2);
+  EXPECT_EQ(r.modes.col(0), r.modes.col(1));
+  EXPECT_EQ(r.mode_changes.size(), 10u);
+}
+
 // An integrator of a switch with hysteresis between 1 and -1, behind RC: x' = u - x, a period of 2 ln 3.
 const std::string oscillator = R"toml(
 [dynamics]
