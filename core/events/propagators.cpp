@@ -10,7 +10,7 @@ namespace bromwich {
 namespace {
 
 constexpr Index degree = Collocation::degree;
-constexpr std::size_t most_propagators = 128;
+constexpr std::size_t most_kept = 4000000;  ///< numbers in the factors
 constexpr Index most_columns = 128;
 
 }  // namespace
@@ -42,7 +42,8 @@ double Propagators::grid_length_above(double length) const {
 Propagators::Propagator& Propagators::propagator(const SwitchedMode& mode, double h, double& work) {
   const auto known = propagators_.find({&mode, h});
   if (known != propagators_.end()) return known->second;
-  if (propagators_.size() >= most_propagators) propagators_.clear();
+  if (kept_ > most_kept) propagators_.clear(), kept_ = 0;
+  kept_ += 2 * others_.size() * others_.size() * Collocation::get().eigenvalues.size();
   Propagator& made = propagators_[{&mode, h}];
   made.by_positions = mode.A(others_, positions_);
   const Matrix A = mode.A(others_, others_), twice = made.by_positions * by_others_;

@@ -47,6 +47,7 @@ class Propagators {
   std::vector<Index> positions_, others_;
   Matrix by_others_;  ///< the rates of positions by the others
   std::map<std::pair<const SwitchedMode*, double>, Propagator> propagators_;
+  std::size_t kept_ = 0;  ///< numbers in the factors
   LegendreCoefficients whole_;
 };
 
