@@ -59,6 +59,19 @@ TEST(PeriodicCircuit, Buck) {
       {{"V(out)", 9.2793276}, {"I(L1)", 1.5626621}});
 }
 
+// Voltage control without a limit of the amplifier: Newton's first steps wind it up to 250 kV, where periods lead
+// nowhere. Values of a transient of 300 periods.
+TEST(PeriodicCircuit, BuckWithItsController) {
+  expect_values(
+      "Vin in 0 24\nS1 in sw pwm 0 SX\nD1 0 sw DX\nL1 sw x 47u\nRl x out 15m\nC1 out y 100u\nResr y 0 20m\nRload out 0 "
+      "4\n"
+      "R1 out fb 38k\nR3 out b 1.8k\nC3 b fb 1.8n\nR2 fb 0 10k\nE1 c 0 ref fb 1e5\nVref ref 0 2.5\nRc c d 15k\nC2 d fb "
+      "6.8n\n"
+      "C4 c fb 120p\nVs saw 0 PULSE(0 2.5 0 9.98u 10n 10n 10u)\nB1 pwm 0 V={5*u(V(c) - V(saw))}\n"
+      ".model SX SW(Ron=20m Roff=1Meg Vt=2.5)\n.model DX D(Ron=15m Roff=1Meg Vfwd=0.45)\n.tran 10u 10u uic\n",
+      {{"V(out)", 11.98723358}, {"I(L1)", 2.35184637}});
+}
+
 TEST(PeriodicCircuit, FlybackInDiscontinuousConduction) {
   expect_values(
       "Vin in 0 24\nL1 in sw 100u\nL2 0 sec 6.25u\nK1 L1 L2 1\nS1 sw 0 g 0 SB\nVg g 0 PULSE(0 5 0 10n 10n 7.99u 20u)\n"

@@ -387,6 +387,29 @@ TEST(EventDriven, EndsWithAReason) {
   EXPECT_FALSE(stopped.complete);
 }
 
+// What another integration has kept changes no number of this one.
+TEST(EventDriven, KeptRegimesChangeNothing) {
+  EventOptions options;
+  options.kept = keep_regimes();
+  for (const double tolerance : {1e-8, 1e-11, 1e-8})
+    for (const double height : {0.5, 0.25, 1.0}) {
+      Scene scene = ball(height);
+      scene.restitution = Vector::Constant(1, 0.5);
+      options.tolerance = tolerance;
+      const EventSolution s = integrate_with_events(scene, LcpClass::PSD, {}, options);
+      EventOptions alone = options;
+      alone.kept.reset();
+      const EventSolution other = integrate_with_events(scene, LcpClass::PSD, {}, alone);
+      ASSERT_TRUE(s.complete) << s.reason;
+      ASSERT_EQ(s.pieces.size(), other.pieces.size());
+      for (std::size_t k = 0; k < s.pieces.size(); ++k) {
+        EXPECT_EQ(s.pieces[k].begin, other.pieces[k].begin);
+        EXPECT_EQ(s.pieces[k].x, other.pieces[k].x);
+        EXPECT_EQ(s.pieces[k].y, other.pieces[k].y);
+      }
+    }
+}
+
 TEST(EventDriven, AgreesWithTheOracle) {
   int compared = 0;
   for (std::uint32_t seed = 700; seed < 740; ++seed) {

@@ -86,6 +86,17 @@ TEST(ManyEdges, OfSparseScenesMeetTheTolerance) {
   }
 }
 
+// Six edges and more a step: the rows are off, and say by how much.
+TEST(ManyEdges, GivenStepsAreCertified) {
+  const ClampedFilter filter{120000, 0.7, 0.4, 3000, 0.45};
+  const Result r = with_first_state(filter.scene(), Method::march, 0, 400);
+  ASSERT_EQ(r.status, Status::solved) << r.reason;
+  ASSERT_TRUE(r.certificate);
+  const double error = error_at_rows(filter, r);
+  EXPECT_GE(r.certificate->error_of_x, 0.5 * error);
+  EXPECT_LE(r.certificate->error_of_x, 2 * error);
+}
+
 // A rate of 1e12: the layer behind an edge is shorter than the rounding of T.
 TEST(ManyEdges, LayersShorterThanTheRoundingOfTimesArePassed) {
   const ClampedFilter filter{1e12, 1e-9, 0.2, 1, 0.3};
