@@ -10,7 +10,8 @@
 // A that E0 + ET e^{TA} leaves open. Steps are halved until F falls, measured by the sizes of its terms. F is smooth in
 // pieces: where a quarter of a step does not bring it down, some whole steps are taken, through pieces where F is
 // larger. With periodic conditions the iteration starts from the end of the second period after rest; where Newton
-// steps do not bring F down, more periods follow, and whole steps across pieces come after these.
+// steps do not bring F down, more periods follow, both from where they were and from where the method has come, which
+// may be far from any solution. Whole steps across pieces come after these.
 
 #include "../events/event_driven.hpp"
 
