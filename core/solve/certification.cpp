@@ -157,13 +157,15 @@ void take_certificate(Result& result) {
   result.error_estimate = std::max(of_y, c.error_of_x);
   if (result.error_estimate <= worth_a_notice) return;
   const StepErrors errors{c.error_of_x, of_y, c.impulses};
-  if (std::min(c.typical_error_of_x, c.error_of_x) <= most_typical_error) return tell_errors(errors, result);
+  if (std::min(c.typical_error_of_x, c.error_of_x) <= most_typical_error) return judge_errors(errors, result);
   demote(result, sentence(notice_of(errors)));
 }
 
-void tell_errors(const StepErrors& errors, Result& result) {
+void tell_errors(const StepErrors& errors, Result& result) { tell(result, notice_of(errors)); }
+
+void judge_errors(const StepErrors& errors, Result& result) {
   if (std::max(errors.x, errors.y) > 1) return demote(result, sentence(notice_of(errors)));
-  tell(result, notice_of(errors));
+  tell_errors(errors, result);
 }
 
 // Where something speaks against a result that half the step would show, half the step is taken.

@@ -59,8 +59,10 @@ struct StepErrors {
   bool of_mean = false;  ///< y: of its mean
 };
 
-/// A notice of them. Above 1 the result is not solved.
+/// A notice of them.
 void tell_errors(const StepErrors&, Result&);
+/// The same where they are known: with one above 1 nothing is solved.
+void judge_errors(const StepErrors&, Result&);
 
 /// Error estimate, notice and status by Result::certificate.
 void take_certificate(Result&);

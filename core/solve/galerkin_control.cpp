@@ -41,7 +41,7 @@ bool compare_with_march(const Scene& scene, Backend& backend, const InnerOptions
   if (!layers) result.unresolved_sources = std::max(d.mean, d.of_x());
   const bool of_mean = layers || d.y <= seen_in_rows;
   if (std::max(d.mean, d.of_x()) > seen_beside_march || !of_mean)
-    tell_errors({d.of_x(), of_mean ? d.mean : d.y, of_mean}, result);
+    judge_errors({d.of_x(), of_mean ? d.mean : d.y, of_mean}, result);
   return !layers;
 }
 

@@ -53,7 +53,7 @@ void GridRefinement::measure(ErrorEstimate& e) const {
   const Result& own = *solved_;
   if (jumps_at_end(scene_))
     for (RowMatrix Result::*table : {&Result::y, &Result::y_integral, &Result::x})
-      (rows.*table).bottomRows(1) = (own.*table).bottomRows(1);
+      if ((rows.*table).size() > 0 && (own.*table).size() > 0) (rows.*table).bottomRows(1) = (own.*table).bottomRows(1);
   const Distance d = distance(own, 1, rows, 1, sizes_);
   e.of_integral = !reference_->continuous() || convergence_->of_integral();
   e.iteration = e.rounding = 0;
