@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace bromwich {
 
@@ -11,6 +12,8 @@ namespace {
 
 constexpr double same_rank = 1e-10;  ///< relative singular values below count as zero
 constexpr int most_derivatives = 2;
+/// Rounding of rows that are data: that of sums in long double, beside that in double.
+constexpr double exact = double(std::numeric_limits<long double>::epsilon() / std::numeric_limits<double>::epsilon());
 
 Jet stacked(const Jet& a, const Jet& b) {
   const auto both = [](const Matrix& p, const Matrix& q) {
@@ -19,6 +22,11 @@ Jet stacked(const Jet& a, const Jet& b) {
     return all;
   };
   return {both(a.x, b.x), both(a.f, b.f), both(a.df, b.df), both(a.g, b.g), both(a.dg, b.dg), both(a.ddg, b.ddg)};
+}
+
+Jet rows_of(const Jet& c, const std::vector<Index>& rows) {
+  const auto of = [&rows](const Matrix& a) -> Matrix { return a(rows, Eigen::all); };
+  return {of(c.x), of(c.f), of(c.df), of(c.g), of(c.dg), of(c.ddg)};
 }
 
 Jet sum(const Jet& a, const Jet& b) {
@@ -30,13 +38,14 @@ Jet derivative(const Jet& c, const Matrix& A) {
   return {c.x * A, c.x, c.f, Matrix::Zero(c.g.rows(), c.g.cols()), c.g, c.dg};
 }
 
-// Rows of E y + C u = 0 with a largest coefficient of y of 1, and the factors. Rows of rounding are zero.
+// Rows of E y + C u = 0 with a largest coefficient of y of 1 to 2, and the factors: powers of two, which round nothing.
+// Rows of rounding are zero.
 Vector balance_rows(Matrix& E, Jet& C, const Vector& size) {
   Vector by = Vector::Ones(E.rows());
   for (Index i = 0; i < E.rows(); ++i) {
     const double largest = E.row(i).cwiseAbs().maxCoeff();
     if (largest > 64 * double(E.rows()) * epsilon * size[i])
-      by[i] = 1 / largest;
+      by[i] = std::ldexp(1.0, -std::ilogb(largest));
     else
       E.row(i).setZero();
   }
@@ -196,16 +205,16 @@ Split split(const Matrix& U, const Jet& C) {
 // E of E y + C u = 0, rows with a largest entry of 1 or 0, by blocks: zeros between them stay. So a y_i that the others
 // do not enter, such as the friction of an open contact, stays zero.
 struct Factors {
-  Matrix range;    ///< orthonormal columns that span those of E
-  Matrix left;     ///< U with U E = 0: combinations of rows without y
-  Matrix open;     ///< orthonormal columns that span the null space
-  Matrix inverse;  ///< E^+
-  Matrix terms;    ///< what cancels in it, by absolute values
+  std::vector<Index> rows;  ///< of E: independent, and they span the others
+  Matrix left;              ///< U with U E = 0: combinations of rows without y
+  Matrix open;              ///< orthonormal columns that span the null space
+  Matrix inverse;           ///< E^+
+  Matrix terms;             ///< what cancels in it, by absolute values
 
-  explicit Factors(const Matrix& E)
-      : range(E.rows(), 0), open(E.cols(), 0), inverse(Matrix::Zero(E.cols(), E.rows())), terms(inverse) {
+  explicit Factors(const Matrix& E) : open(E.cols(), 0), inverse(Matrix::Zero(E.cols(), E.rows())), terms(inverse) {
     Matrix others(E.rows(), 0);
     for (const Block& b : blocks_of(E)) add(b, E(b.rows, b.columns), others);
+    std::sort(rows.begin(), rows.end());
     left = others.transpose();
   }
 
@@ -225,7 +234,9 @@ struct Factors {
     const bool regular = rank == E.rows() && rank == E.cols();
     inverse(b.columns, b.rows) = regular ? Matrix(E.partialPivLu().inverse()) : Matrix(V.leftCols(rank) * scaled);
     terms(b.columns, b.rows) = V.leftCols(rank).cwiseAbs() * scaled.cwiseAbs();
-    append(range, b.rows, U.leftCols(rank));
+    // Rows themselves and no combinations of them, which would add rounding of large values of y to every row.
+    const auto order = Eigen::ColPivHouseholderQR<Matrix>(E.transpose()).colsPermutation().indices();
+    for (Index k = 0; k < rank; ++k) rows.push_back(b.rows[std::size_t(order[k])]);
     append(open, b.columns, V.rightCols(E.cols() - rank));
     // An error of E of its rounding, eps ||E||, moves U by that times E^+; entries of rounding are zero, or states that
     // rest would get coefficients of others.
@@ -237,22 +248,45 @@ struct Factors {
   }
 };
 
+using Precise = Eigen::Matrix<long double, Eigen::Dynamic, Eigen::Dynamic>;
+
+Matrix product(const Precise& left, const Matrix& right) { return (left * right.cast<long double>()).cast<double>(); }
+
+Jet product(const Precise& left, const Jet& c) {
+  return {product(left, c.x), product(left, c.f),  product(left, c.df),
+          product(left, c.g), product(left, c.dg), product(left, c.ddg)};
+}
+
+// The rows of the active set among n.
+Jet spread(const Jet& c, const std::vector<Index>& active, Index n) {
+  Jet all = Jet::zero(n, c.x.cols(), c.g.cols());
+  all.x(active, Eigen::all) = c.x;
+  all.f(active, Eigen::all) = c.f;
+  all.df(active, Eigen::all) = c.df;
+  all.g(active, Eigen::all) = c.g;
+  all.dg(active, Eigen::all) = c.dg;
+  all.ddg(active, Eigen::all) = c.ddg;
+  return all;
+}
+
 // y_S = -E^+ C, of least norm. Directions that E leaves open may not move the state. They may move w elsewhere, as of
-// relays that act alike: then the set lasts as long as w stays nonnegative.
+// relays that act alike: then the set lasts as long as w stays nonnegative. `rounded`: of the rows of E and C, beside
+// that of a double.
 bool determine_y(const SystemMatrices& s, const std::vector<Index>& active, const Matrix& E, const Factors& factors,
-                 const Jet& C, Jet& y) {
+                 const Jet& C, const Vector& rounded, Jet& y) {
   const Matrix B = s.B(Eigen::all, active);
   const Matrix moved = B * factors.open;
   if (moved.size() > 0 && moved.cwiseAbs().maxCoeff() > 1e-8 * B.cwiseAbs().maxCoeff()) return false;
-  // Zeros between blocks of E are known to rounding of the largest block. They are entries that a step of Newton's
-  // method (Schulz) changes as much as what it leaves.
-  const Matrix& found = factors.inverse;
-  const Matrix refined = found * (2 * Matrix::Identity(E.rows(), E.rows()) - E * found);
-  const Matrix inverse = (refined.cwiseAbs().array() > 2 * (refined - found).cwiseAbs().array()).select(refined, 0.0);
-  Matrix select = Matrix::Zero(s.constraints(), Index(active.size()));
-  for (std::size_t i = 0; i < active.size(); ++i) select(active[i], Index(i)) = 1;
+  // Two steps of Newton's method (Schulz), so that an E near a singular one does not leave the coefficients of y with
+  // fewer digits than E has. Zeros between blocks of E are known to rounding of the largest block: they are entries
+  // that the first step changes as much as what it leaves.
+  const Precise found = factors.inverse.cast<long double>(), precise_E = E.cast<long double>();
+  const Precise twice = 2 * Precise::Identity(E.rows(), E.rows()), refined = found * (twice - precise_E * found);
+  const auto zero = (refined.cwiseAbs().array() <= 2 * (refined - found).cwiseAbs().array()).eval();
+  const Precise inverse = zero.select(0, refined * (twice - precise_E * refined));
+  const Jet of_active = product(-inverse, C), size = Matrix(factors.terms * rounded.asDiagonal()) * absolute(C);
   // Coefficients of rounding are zero: values of y that vanish in the mode would have a sign otherwise.
-  y = without_rounding(Matrix(select * -inverse) * C, Matrix(select * factors.terms) * absolute(C));
+  y = spread(without_rounding(of_active, size), active, s.constraints());
   return true;
 }
 
@@ -335,6 +369,7 @@ std::optional<SwitchedMode> make_switched_mode(const SystemMatrices& s, const st
   Vector size = s.M(active, Eigen::all).cwiseAbs().rowwise().maxCoeff();
   // Parts of the rows of C that are values of w_S, and derivatives of these.
   Matrix values_of_w = Matrix::Identity(a, a), velocities = Matrix::Zero(a, a);
+  Vector rounded = Vector::Constant(a, exact);
   for (int derived = 0;; ++derived) {
     const Vector by = balance_rows(E, C, size);
     values_of_w = by.asDiagonal() * values_of_w;
@@ -345,7 +380,7 @@ std::optional<SwitchedMode> make_switched_mode(const SystemMatrices& s, const st
     mode.conditions = stacked(mode.conditions, vanish.conditions);
     mode.condition_terms = stacked(mode.condition_terms, vanish.terms);
     if (constraints.x.rows() == 0) {
-      if (!determine_y(s, active, E, factors, C, mode.y)) return std::nullopt;
+      if (!determine_y(s, active, E, factors, C, rounded, mode.y)) return std::nullopt;
       break;
     }
     if (derived == most_derivatives) return std::nullopt;
@@ -354,20 +389,22 @@ std::optional<SwitchedMode> make_switched_mode(const SystemMatrices& s, const st
     of_all(Eigen::all, active) = vanish.from * velocities;
     mode.velocities.conservativeResize(mode.constraints.x.rows(), n);
     mode.velocities.bottomRows(of_all.rows()) = of_all;
-    const Matrix Q = factors.range.transpose();
-    const Index rank = Q.rows();
+    const std::vector<Index>& kept = factors.rows;
+    const Index rank = Index(kept.size());
     const Matrix derived_rows = vanish.from * values_of_w;
     values_of_w =
-        (Matrix(rank + derived_rows.rows(), a) << Q * values_of_w, Matrix::Zero(derived_rows.rows(), a)).finished();
-    velocities = (Matrix(rank + derived_rows.rows(), a) << Q * velocities, derived_rows).finished();
+        (Matrix(rank + derived_rows.rows(), a) << values_of_w(kept, Eigen::all), Matrix::Zero(derived_rows.rows(), a))
+            .finished();
+    velocities = (Matrix(rank + derived_rows.rows(), a) << velocities(kept, Eigen::all), derived_rows).finished();
     size = Vector::Ones(rank + constraints.x.rows());
     size.tail(constraints.x.rows()) = constraints.x.cwiseAbs() * B.cwiseAbs().rowwise().maxCoeff();
     Matrix next(size.size(), a);
-    next << Q * E, constraints.x * B;
-    C = stacked(Q * C, derivative(constraints, s.A));
+    next << E(kept, Eigen::all), constraints.x * B;
+    C = stacked(rows_of(C, kept), derivative(constraints, s.A));
+    rounded = (Vector(size.size()) << rounded(kept), Vector::Ones(constraints.x.rows())).finished();
     E = next;
   }
-  mode.A += s.B * mode.y.x;
+  mode.A = (s.A.cast<long double>() + s.B.cast<long double>() * mode.y.x.cast<long double>()).cast<double>();
   mode.w = sum(seen, s.M * mode.y);
   for (const Jet* rows : {&mode.y, &mode.conditions}) {
     mode.uses_df = mode.uses_df || (rows->df.array() != 0).any();

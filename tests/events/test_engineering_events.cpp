@@ -37,13 +37,14 @@ TEST_P(LocatedEngineering, FollowsTheOracle) {
 // that sticks where a stop closes. impact: beside a mass at rest, whose velocity is rounding of the terms that hold it.
 // unloaded: friction without a normal force at an impact elsewhere, whose force is zero but for rounding of the mode.
 // parallel: diodes that share a current in many ways with the same state. resting: at a stop, beside an impact of other
-// masses.
+// masses. near_singular: open diodes of megohms beside closed ones of milliohms.
 INSTANTIATE_TEST_SUITE_P(
     Degenerate, LocatedEngineering,
     testing::Values(Drawn{"circuit", random_circuit, 33}, Drawn{"sticking", random_masses, 45},
                     Drawn{"impact", random_masses, 121}, Drawn{"impact_beside_rest", random_masses, 76},
                     Drawn{"unloaded", random_masses, 71}, Drawn{"parallel_of_ten", random_circuit, 188},
-                    Drawn{"parallel_of_seven", random_circuit, 228}, Drawn{"resting", random_masses, 86}),
+                    Drawn{"parallel_of_seven", random_circuit, 228}, Drawn{"resting", random_masses, 86},
+                    Drawn{"near_singular", random_circuit, 185}),
     [](const auto& one) { return one.param.name; });
 
 }  // namespace

@@ -6,7 +6,9 @@
 
 #include <Eigen/Dense>
 
+#include <cmath>
 #include <random>
+#include <vector>
 
 namespace bromwich {
 namespace {
@@ -168,6 +170,30 @@ TEST(SwitchedMode, ThatTwoDerivativesDoNotDetermineIsNone) {
   // Two components that move the state apart, and only their sum is constrained.
   Matrix B = Matrix::Identity(2, 2), N = Matrix::Ones(2, 2);
   EXPECT_FALSE(make_switched_mode({Matrix::Zero(2, 2), B, N, Matrix::Zero(2, 2)}, {0, 1}));
+}
+
+// M = P^T R P with resistances from 1e-4 to 1e4: an active set is near singular ones, and w is zero in it but for
+// rounding of its terms all the same.
+TEST(SwitchedMode, NearSingularOnesLoseNoDigits) {
+  constexpr Index n = 5;
+  for (unsigned seed = 0; seed < 40; ++seed) {
+    Draw draw(seed);
+    const Vector R = (draw.vector(n).array() * 4 * std::log(10)).exp();
+    const Matrix P = draw.matrix(n, n);
+    SystemMatrices s{draw.matrix(3, 3), draw.matrix(3, n), draw.matrix(n, 3), P.transpose() * R.asDiagonal() * P};
+    s.M.row(4) = -s.M.row(3);  // two diodes the other way round, parallel
+    s.M.col(4) = -s.M.col(3);
+    s.N.row(4) = -s.N.row(3);
+    const std::vector<Index> active{0, 1, 2, 3};
+    const auto mode = make_switched_mode(s, active);
+    ASSERT_TRUE(mode) << seed;
+    JetValues u = draw.values(3, n);
+    u.g[4] = -u.g[3];
+    const Vector y = evaluate(mode->y, u), w = s.N * u.x + s.M * y + u.g;
+    const Vector of_y = terms(mode->y, {u.x.cwiseAbs(), u.f.cwiseAbs(), u.df, u.g.cwiseAbs(), u.dg, u.ddg});
+    const Vector of_w = s.N.cwiseAbs() * u.x.cwiseAbs() + s.M.cwiseAbs() * of_y + u.g.cwiseAbs();
+    for (Index i = 0; i < n; ++i) EXPECT_LE(std::abs(w[i]), 16 * epsilon * of_w[i]) << seed << " " << i;
+  }
 }
 
 TEST(SwitchedMode, WithoutActiveConstraintsHasNoY) {

@@ -51,18 +51,19 @@ TEST(DividedShooting, TheNearestFeasibleStateCountsInSizes) {
 struct Drawn {
   const char* name;
   std::uint32_t seed;
+  oracle::EngineeringScene (*make)(std::uint32_t) = oracle::random_masses;
 };
 
-class PeriodicMasses : public testing::TestWithParam<Drawn> {};
+class PeriodicEngineering : public testing::TestWithParam<Drawn> {};
 
 // The oracle integrates one period from the x(0) that was found: it has to come back.
-TEST_P(PeriodicMasses, AreRight) {
+TEST_P(PeriodicEngineering, IsRight) {
   using namespace oracle;
   Options options;
   options.tolerance = 1e-3;
   options.states = StateSelection::all;
   const auto backend = make_cpu_backend(1);
-  const EngineeringScene s = random_masses(GetParam().seed);
+  const EngineeringScene s = GetParam().make(GetParam().seed);
   for (const Telling telling : {Telling::original, Telling::other_units}) {
     const EngineeringTrial t = try_periodic(s, retold(s, telling, 1), options, *backend, 1e-3);
     EXPECT_EQ(t.verdict, "right") << to_string(telling) << ": " << t.reason << ", error " << t.error;
@@ -74,11 +75,12 @@ TEST_P(PeriodicMasses, AreRight) {
 // sticks may stay where it is, and others too. creeping: it stays from a border on. loaded: contacts are closed at the
 // ends of periods, with speeds of rounding. resting: nothing moves but by rounding. held, pressed: steps of Newton's
 // method leave gaps below zero by rounding. beyond, across: F rises on the way to the piece that has the solution.
-INSTANTIATE_TEST_SUITE_P(Unstable, PeriodicMasses,
+// open: a circuit with active sets near singular ones.
+INSTANTIATE_TEST_SUITE_P(Unstable, PeriodicEngineering,
                          testing::Values(Drawn{"stops", 0}, Drawn{"threefold", 21}, Drawn{"sticking", 30},
                                          Drawn{"creeping", 41}, Drawn{"loaded", 62}, Drawn{"resting", 53},
                                          Drawn{"held", 83}, Drawn{"pressed", 192}, Drawn{"beyond", 118},
-                                         Drawn{"across", 154}),
+                                         Drawn{"across", 154}, Drawn{"open", 128, oracle::random_circuit}),
                          [](const auto& one) { return one.param.name; });
 
 struct Share {
