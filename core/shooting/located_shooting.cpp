@@ -52,18 +52,7 @@ class LocatedShooting {
   }
 
   ShootingSolution run() {
-    if (!begin()) return ended();
-    // Steps of Newton's method through other pieces lead nearer, or far away. Periods go on from where they were, and
-    // from where the method has come.
-    Iterate settled = now_;
-    bool found = newton();
-    for (int periods = later_periods; !found && periods <= most_periods; periods += later_periods) {
-      Iterate reached = now_;
-      ahead_ = INFINITY;
-      found = newton_behind_periods(settled) || newton_behind_periods(reached);
-      if (solution_.interrupted || !periodic_) break;
-    }
-    if (!found) return ended();
+    if (!begin() || !find()) return ended();
     solution_.found = true;
     return std::move(solution_);
   }
@@ -75,6 +64,19 @@ class LocatedShooting {
     Vector F = {};
     double defect = INFINITY;
   };
+
+  // Steps of Newton's method through other pieces lead nearer, or far away. Periods go on from where they were, and from
+  // where the method has come.
+  bool find() {
+    Iterate settled = now_;
+    if (newton()) return true;
+    for (int periods = later_periods; periodic_ && periods <= most_periods; periods += later_periods) {
+      Iterate reached = now_;
+      ahead_ = INFINITY;
+      if (newton_behind_periods(settled) || newton_behind_periods(reached)) return true;
+    }
+    return false;
+  }
 
   ShootingSolution ended() {
     if (solution_.reason.empty()) solution_.reason = why_;
@@ -188,7 +190,7 @@ class LocatedShooting {
 
   // From periods behind `from`, which becomes their end. Where they do not bring F down, from parts of the last.
   bool newton_behind_periods(Iterate& from) {
-    if (solution_.interrupted || !periodic_) return false;
+    if (solution_.interrupted) return false;
     const std::string why = why_;
     const double before = from.defect;
     resume(from);

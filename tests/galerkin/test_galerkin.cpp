@@ -371,5 +371,23 @@ TEST(Galerkin, RowsAtJumpsAreOnTheSideOfY) {
   for (const Index j : {25, 50, 75, 100}) EXPECT_LT(std::abs(std::min(r.y(j, 0), w(j, 0))), 1e-3) << j;
 }
 
+// Forces that come and go 64 times within ten intervals: what is off by more than all of it is no solution.
+TEST(Galerkin, WhatIsOffByAllOfItIsNotSolved) {
+  Scene scene;
+  scene.dynamics = DenseDynamics{Matrix{{-0.1}}, Matrix{{1}}, Matrix{{1}}};
+  scene.M = Matrix{{1}};
+  scene.g = [](double t, Eigen::Ref<Vector> v) { v[0] = 9 - 20 * std::pow(std::sin(200 * t + 1), 16); };
+  scene.boundary = BoundaryCondition{Matrix{{1}}, Matrix{{-1}}, Vector{{0}}};
+  Options options = options_for(Method::galerkin, 10);
+  options.states = StateSelection::all;
+  const Result r = run(scene, options);
+  options.method = Method::shooting, options.steps = 0, options.tolerance = 1e-6;
+  const Result known = run(scene, options);
+  ASSERT_EQ(known.status, Status::solved) << known.reason;
+  EXPECT_GT(std::abs(r.x(0, 0) - known.x(0, 0)), 0.9 * known.x(0, 0));
+  EXPECT_EQ(r.status, Status::tolerance_not_met);
+  EXPECT_NE(r.reason.find("%"), std::string::npos) << r.reason;
+}
+
 }  // namespace
 }  // namespace bromwich

@@ -67,9 +67,9 @@ double error_of(const NonlinearResult& r, double mu) {
 
 TEST(Doubts, NoLargeErrorIsSilent) {
   const auto backend = make_cpu_backend();
-  Index large = 0;
+  Index large = 0, useless = 0;
   for (const double mu : {1.0, 0.1, 1e-2, 1e-3, 1e-4})
-    for (const Index J : {50, 100, 400, 1600})
+    for (const Index J : {10, 50, 100, 400, 1600})
       for (const NonlinearMethod method : {NonlinearMethod::march, NonlinearMethod::pointwise}) {
         NonlinearOptions options;
         options.steps = J;
@@ -77,8 +77,11 @@ TEST(Doubts, NoLargeErrorIsSilent) {
         const NonlinearResult r = solve_nonlinear(stop(mu), *backend, options);
         if (r.status != Status::solved) {
           EXPECT_NE(r.reason.find("more steps"), std::string::npos) << r.reason;
+          useless += r.error_estimate && *r.error_estimate > 1;
           continue;
         }
+        // What is off by more than all of it is no solution.
+        EXPECT_LE(r.error_estimate.value_or(0), 1) << mu << " " << J;
         const double error = error_of(r, mu);
         if (error > 0.1) {
           ++large;
@@ -91,6 +94,7 @@ TEST(Doubts, NoLargeErrorIsSilent) {
         }
       }
   EXPECT_GT(large, 0);  // of the kind that used to be silent
+  EXPECT_GT(useless, 0);
 }
 
 // A soft contact with many steps raises no doubt, and is not solved twice.

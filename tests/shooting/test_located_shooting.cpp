@@ -342,6 +342,25 @@ TEST(LocatedShooting, InitialValuesTakeStepsAndNotLocatedEvents) {
   EXPECT_NEAR(r.x(100, 0), 1 - std::exp(-1), 1e-13);
 }
 
+// x' = -x + y above 1 - 1.5 mod(t, 1/2), which jumps up to 1 at T too: x = e^{-t} from each jump on. The first row at a
+// jump is that before it.
+TEST(LocatedShooting, ASourceMayJumpAtTheEnd) {
+  Scene scene = one_state(
+      -1, 0, [](double) { return 0.0; }, [](double t) { return -1 + 1.5 * std::fmod(t, 0.5); });
+  scene.boundary.reset();
+  scene.x0 = Vector::Ones(1);
+  scene.T = 2;
+  scene.breakpoints = {0.5, 1, 1.5, 2};
+  Options options;
+  options.tolerance = 1e-4;
+  const Result r = shot(scene, options);
+  ASSERT_EQ(r.status, Status::solved) << r.reason;
+  for (Index j = 0; j < r.t.size(); ++j) {
+    const double since = std::fmod(r.t[j], 0.5);
+    if (since > 1e-3 && since < 0.5 - 1e-3) EXPECT_NEAR(r.x(j, 0), std::exp(-since), 2e-4) << r.t[j];
+  }
+}
+
 // A mass that lands on a rigid floor at a time that depends on its start, and is pushed off again.
 TEST(FlowDerivative, AgreesWithDifferencesThroughImpacts) {
   Scene scene;
