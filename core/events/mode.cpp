@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 namespace bromwich {
 
@@ -12,8 +11,6 @@ namespace {
 
 constexpr double same_rank = 1e-10;  ///< relative singular values below count as zero
 constexpr int most_derivatives = 2;
-/// Rounding of rows that are data: that of sums in long double, beside that in double.
-constexpr double exact = double(std::numeric_limits<long double>::epsilon() / std::numeric_limits<double>::epsilon());
 
 Jet stacked(const Jet& a, const Jet& b) {
   const auto both = [](const Matrix& p, const Matrix& q) {
@@ -257,6 +254,26 @@ Jet product(const Precise& left, const Jet& c) {
           product(left, c.g), product(left, c.dg), product(left, c.ddg)};
 }
 
+// Entries of Y up to 64 eps times these can go, and E Y + C = 0 still holds but for rounding of its terms.
+Matrix unseen(const Matrix& E, const Matrix& Y, const Matrix& C) {
+  const Matrix terms = E.cwiseAbs() * Y.cwiseAbs() + C.cwiseAbs();
+  Matrix least = Matrix::Constant(Y.rows(), Y.cols(), INFINITY);
+  for (Index j = 0; j < E.cols(); ++j)
+    for (Index i = 0; i < E.rows(); ++i)
+      if (E(i, j) != 0) least.row(j) = least.row(j).cwiseMin(terms.row(i) / std::abs(E(i, j)));
+  return least;
+}
+
+Jet unseen(const Matrix& E, const Jet& Y, const Jet& C) {
+  return {unseen(E, Y.x, C.x), unseen(E, Y.f, C.f),   unseen(E, Y.df, C.df),
+          unseen(E, Y.g, C.g), unseen(E, Y.dg, C.dg), unseen(E, Y.ddg, C.ddg)};
+}
+
+Jet smaller(const Jet& a, const Jet& b) {
+  return {a.x.cwiseMin(b.x), a.f.cwiseMin(b.f),   a.df.cwiseMin(b.df),
+          a.g.cwiseMin(b.g), a.dg.cwiseMin(b.dg), a.ddg.cwiseMin(b.ddg)};
+}
+
 // The rows of the active set among n.
 Jet spread(const Jet& c, const std::vector<Index>& active, Index n) {
   Jet all = Jet::zero(n, c.x.cols(), c.g.cols());
@@ -270,10 +287,9 @@ Jet spread(const Jet& c, const std::vector<Index>& active, Index n) {
 }
 
 // y_S = -E^+ C, of least norm. Directions that E leaves open may not move the state. They may move w elsewhere, as of
-// relays that act alike: then the set lasts as long as w stays nonnegative. `rounded`: of the rows of E and C, beside
-// that of a double.
+// relays that act alike: then the set lasts as long as w stays nonnegative.
 bool determine_y(const SystemMatrices& s, const std::vector<Index>& active, const Matrix& E, const Factors& factors,
-                 const Jet& C, const Vector& rounded, Jet& y) {
+                 const Jet& C, Jet& y) {
   const Matrix B = s.B(Eigen::all, active);
   const Matrix moved = B * factors.open;
   if (moved.size() > 0 && moved.cwiseAbs().maxCoeff() > 1e-8 * B.cwiseAbs().maxCoeff()) return false;
@@ -284,8 +300,9 @@ bool determine_y(const SystemMatrices& s, const std::vector<Index>& active, cons
   const Precise twice = 2 * Precise::Identity(E.rows(), E.rows()), refined = found * (twice - precise_E * found);
   const auto zero = (refined.cwiseAbs().array() <= 2 * (refined - found).cwiseAbs().array()).eval();
   const Precise inverse = zero.select(0, refined * (twice - precise_E * refined));
-  const Jet of_active = product(-inverse, C), size = Matrix(factors.terms * rounded.asDiagonal()) * absolute(C);
+  const Jet of_active = product(-inverse, C);
   // Coefficients of rounding are zero: values of y that vanish in the mode would have a sign otherwise.
+  const Jet size = smaller(factors.terms * absolute(C), unseen(E, of_active, C));
   y = spread(without_rounding(of_active, size), active, s.constraints());
   return true;
 }
@@ -369,7 +386,6 @@ std::optional<SwitchedMode> make_switched_mode(const SystemMatrices& s, const st
   Vector size = s.M(active, Eigen::all).cwiseAbs().rowwise().maxCoeff();
   // Parts of the rows of C that are values of w_S, and derivatives of these.
   Matrix values_of_w = Matrix::Identity(a, a), velocities = Matrix::Zero(a, a);
-  Vector rounded = Vector::Constant(a, exact);
   for (int derived = 0;; ++derived) {
     const Vector by = balance_rows(E, C, size);
     values_of_w = by.asDiagonal() * values_of_w;
@@ -380,7 +396,7 @@ std::optional<SwitchedMode> make_switched_mode(const SystemMatrices& s, const st
     mode.conditions = stacked(mode.conditions, vanish.conditions);
     mode.condition_terms = stacked(mode.condition_terms, vanish.terms);
     if (constraints.x.rows() == 0) {
-      if (!determine_y(s, active, E, factors, C, rounded, mode.y)) return std::nullopt;
+      if (!determine_y(s, active, E, factors, C, mode.y)) return std::nullopt;
       break;
     }
     if (derived == most_derivatives) return std::nullopt;
@@ -401,7 +417,6 @@ std::optional<SwitchedMode> make_switched_mode(const SystemMatrices& s, const st
     Matrix next(size.size(), a);
     next << E(kept, Eigen::all), constraints.x * B;
     C = stacked(rows_of(C, kept), derivative(constraints, s.A));
-    rounded = (Vector(size.size()) << rounded(kept), Vector::Ones(constraints.x.rows())).finished();
     E = next;
   }
   mode.A = (s.A.cast<long double>() + s.B.cast<long double>() * mode.y.x.cast<long double>()).cast<double>();

@@ -65,8 +65,8 @@ class LocatedShooting {
     double defect = INFINITY;
   };
 
-  // Steps of Newton's method through other pieces lead nearer, or far away. Periods go on from where they were, and from
-  // where the method has come.
+  // Steps of Newton's method through other pieces lead nearer, or far away. Periods go on from where they were, and
+  // from where the method has come.
   bool find() {
     Iterate settled = now_;
     if (newton()) return true;
@@ -113,7 +113,8 @@ class LocatedShooting {
     return projected == x ? std::nullopt : integrate(projected);
   }
 
-  // How far f may move the states within T. Where constraints hold them against it, x is rounding of this.
+  // How far f may move the states within T, and y in motion_by_y(). Where one holds them against the other, x is
+  // rounding of this.
   static Vector motion_of(const Scene& scene) {
     const EventSources sources(scene);
     const Vector rest = Vector::Zero(scene.states());
@@ -123,8 +124,17 @@ class LocatedShooting {
     return terms_of_motion(A, Matrix::Identity(rest.size(), rest.size()), rest, f, rest, scene.T);
   }
 
+  static Matrix motion_by_y(const Scene& scene) {
+    const DenseDynamics& d = *scene.dynamics->small_state();
+    Matrix by(scene.states(), scene.constraints());
+    const Matrix I = Matrix::Identity(scene.states(), scene.states());
+    const Vector rest = Vector::Zero(scene.states());
+    for (Index i = 0; i < by.cols(); ++i) by.col(i) = terms_of_motion(d.A, I, rest, d.B.col(i), rest, scene.T);
+    return by;
+  }
+
   Vector size_of_states() const {
-    const Vector size = size_.cwiseMax(least_);
+    const Vector size = size_.cwiseMax(least_).cwiseMax(least_size * by_y_ * size_of_y_);
     const double most = size.size() > 0 ? size.maxCoeff() : 0;
     if (!(most > 0)) return Vector::Ones(size.size());
     return size.cwiseMax(least_size * most);
@@ -140,14 +150,21 @@ class LocatedShooting {
 
   void take(Iterate it) {
     now_ = std::move(it);
-    size_ = sizes_of(now_.flow);
+    set_sizes();
     now_.defect = defect_of(now_.F);
     solution_.history.push_back(now_.defect);
   }
 
   void resume(Iterate it) {
     now_ = std::move(it);
+    set_sizes();
+  }
+
+  void set_sizes() {
     size_ = sizes_of(now_.flow);
+    size_of_y_.setZero(scene_.constraints());
+    for (const EventPiece& p : now_.flow.pieces)
+      size_of_y_ = size_of_y_.cwiseMax(p.y.cwiseAbs().colwise().sum().transpose());
   }
 
   void start_in_modes(Vector& x) const {
@@ -308,8 +325,9 @@ class LocatedShooting {
   const ShootingOptions& options_;
   FlowDerivative derivative_;
   const std::shared_ptr<RegimesOfScene> kept_ = keep_regimes();
-  Vector size_;         ///< m: largest values of the last flow
-  const Vector least_;  ///< m: sizes are at least these
+  Vector size_, size_of_y_;                  ///< m, n: largest values of the last flow
+  const Vector least_;                       ///< m: sizes are at least these
+  const Matrix by_y_ = motion_by_y(scene_);  ///< m x n
   Iterate now_;
   double ahead_ = periodic_ ? 0 : INFINITY;  ///< F from which whole steps may go on: not before some periods are passed
   double work_ = 0;

@@ -10,7 +10,8 @@
 namespace bromwich {
 
 struct ShootingMatrix {
-  static constexpr double singular_share = 1e-11;  ///< of its terms: singular values that are rounding
+  /// Of its terms: singular values beside which rounding of the flow, 1e-13, leaves a part of x(0) open.
+  static constexpr double singular_share = 1e-10;
 
   Eigen::JacobiSVD<Matrix> svd;
   Vector rows, columns;
