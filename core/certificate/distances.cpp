@@ -2,6 +2,7 @@
 
 #include "core/accuracy/convergence.hpp"
 #include "core/certificate/defect.hpp"
+#include "core/kernel/start_rounding.hpp"
 #include "core/scene/source_steps.hpp"
 
 #include <algorithm>
@@ -11,7 +12,6 @@ namespace bromwich {
 
 namespace {
 
-constexpr double no_size = 1e-8;    ///< of what terms could make of a component: smaller is their rounding
 constexpr double near_row = 1e-6;   ///< of a step: a switch so near may be on either side of a row
 constexpr std::size_t one_of = 20;  ///< rows: one may be off by more than the typical error
 
@@ -86,7 +86,7 @@ template <class A, class B, class C>
 void Distances::add_state(const A& x, const B& true_x, const C& off) {
   x_size_ = x_size_.cwiseMax(x.cwiseAbs()).cwiseMax(true_x.cwiseAbs());
   x_off_ = x_off_.cwiseMax(off);
-  const auto held = no_size * T_ * effect_size_.head(x_size_.size());
+  const auto held = at_rest * T_ * effect_size_.head(x_size_.size());
   const double least = ComponentSizes::smallest * x_size_.cwiseMax(held).maxCoeff();
   double worst = 0;
   for (Index i = 0; i < x_size_.size(); ++i)
@@ -113,9 +113,9 @@ void Distances::add_row(Index j, const Vector& x) {
 void Distances::summarise(const Defect& defect, Certificate& c) const {
   const ComponentSizes sizes;
   const Vector least_y =
-      (defect.answers().array() > 0).select(no_size * defect.terms().cwiseQuotient(defect.answers()), 0.0);
+      (defect.answers().array() > 0).select(at_rest * defect.terms().cwiseQuotient(defect.answers()), 0.0);
   const Vector size_of_effect = sizes.of(effect_size_).cwiseMax(effect_.cwiseAbs() * least_y);
-  c.error_of_x = largest_share(x_off_, sizes.of(x_size_.cwiseMax(no_size * T_ * effect_size_.head(x_size_.size()))));
+  c.error_of_x = largest_share(x_off_, sizes.of(x_size_.cwiseMax(at_rest * T_ * effect_size_.head(x_size_.size()))));
   std::vector<double> rows = of_rows_;
   const auto place = rows.begin() + std::ptrdiff_t(rows.size() - 1 - rows.size() / one_of);
   std::nth_element(rows.begin(), place, rows.end());

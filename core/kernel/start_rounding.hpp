@@ -10,15 +10,23 @@ namespace bromwich {
 
 inline constexpr double rounding_of_restarts = 0x1p-36;  ///< of the terms of w
 
-/// The sizes of the terms of N x + g on [0, T]: |N| (|x0| + T |(I - TA)^{-1}| |A x0 + f(0)|) + |g|. Fast modes that
-/// decay count with the states to which they tend. `f`: f(0); `g`: largest absolute values.
+/// m x m: how far constant x' without A x move the states within T, T |(I - TA)^{-1}|. Fast modes that decay count with
+/// the states to which they tend.
+inline Matrix motion_within(double T, const Matrix& A) {
+  constexpr double regular = 1e-8;
+  const Matrix I = Matrix::Identity(A.rows(), A.rows());
+  const Eigen::PartialPivLU<Matrix> lu(I - T * A);
+  return T * (A.rows() > 0 && reciprocal_condition(lu) > regular ? Matrix(Matrix(lu.inverse()).cwiseAbs()) : I);
+}
+
+/// The sizes of the terms of N x + g on [0, T]: |N| (|x0| + T |(I - TA)^{-1}| |A x0 + f(0)|) + |g|. `f`: f(0); `g`:
+/// largest absolute values.
 inline Vector terms_of_motion(const Matrix& A, const Matrix& N, const Vector& x0, const Vector& f, const Vector& g,
                               double T) {
-  constexpr double regular = 1e-8;
-  Vector moved = T * ((A * x0).cwiseAbs() + f.cwiseAbs());
-  const Eigen::PartialPivLU<Matrix> lu(Matrix(Matrix::Identity(A.rows(), A.rows()) - T * A));
-  if (A.rows() > 0 && reciprocal_condition(lu) > regular) moved = Matrix(lu.inverse()).cwiseAbs() * moved;
+  const Vector moved = motion_within(T, A) * ((A * x0).cwiseAbs() + f.cwiseAbs());
   return N.cwiseAbs() * (x0.cwiseAbs() + moved) + g.cwiseAbs();
 }
+
+inline constexpr double at_rest = 1e-8;  ///< of what y may move: a smaller state is rounding of the terms that hold it
 
 }  // namespace bromwich

@@ -126,11 +126,7 @@ class LocatedShooting {
 
   static Matrix motion_by_y(const Scene& scene) {
     const DenseDynamics& d = *scene.dynamics->small_state();
-    Matrix by(scene.states(), scene.constraints());
-    const Matrix I = Matrix::Identity(scene.states(), scene.states());
-    const Vector rest = Vector::Zero(scene.states());
-    for (Index i = 0; i < by.cols(); ++i) by.col(i) = terms_of_motion(d.A, I, rest, d.B.col(i), rest, scene.T);
-    return by;
+    return motion_within(scene.T, d.A) * d.B.cwiseAbs();
   }
 
   Vector size_of_states() const {

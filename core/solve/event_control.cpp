@@ -3,6 +3,7 @@
 #include "core/base/text.hpp"
 #include "core/base/timer.hpp"
 #include "core/events/collocation.hpp"
+#include "core/kernel/start_rounding.hpp"
 #include "core/lcp/lcp_class.hpp"
 #include "core/result/switching.hpp"
 #include "core/solve/error_goal.hpp"
@@ -171,7 +172,9 @@ class EventControl {
 
   void look_at_sizes(const EventSolution& s) {
     sizes_.seen_y = largest_of(s, &EventPiece::y);
-    sizes_.seen_x = largest_of(s, &EventPiece::x)(components_);
+    const DenseDynamics& d = *scene_.dynamics->small_state();
+    const Vector rest = at_rest * motion_within(scene_.T, d.A) * (d.B.cwiseAbs() * sizes_.seen_y);
+    sizes_.seen_x = largest_of(s, &EventPiece::x).cwiseMax(rest)(components_);
   }
 
   // So many rows that y and x are linear between them, where they are continuous.
