@@ -136,6 +136,8 @@ class LocatedShooting {
     return size.cwiseMax(least_size * most);
   }
 
+  bool bounded(const Matrix& D) const { return (D * size_of_states().asDiagonal()).allFinite(); }
+
   double defect_of(const Vector& F) const {
     const Vector of = (c_.E0.cwiseAbs() + c_.ET.cwiseAbs()) * size_of_states() + c_.b.cwiseAbs();
     double most = 0;
@@ -186,7 +188,7 @@ class LocatedShooting {
     double at_once = 1;
     for (int k = 0; k < periods && now_.defect > rounding_of_F; ++k) {
       const Matrix D = derivative_.at_end(now_.flow);
-      if (!D.allFinite()) return give_up("changes of x(0) grow without bounds");
+      if (!bounded(D)) return give_up("changes of x(0) grow without bounds");
       const ShootingMatrix K(c_, D, size_of_states());
       const Vector drift = K.drift(c_, -now_.F);
       auto it = flow_from(at_once > 1 ? Vector(now_.x + K.solve(-now_.F - c_.E0 * drift) + at_once * drift)
@@ -231,7 +233,7 @@ class LocatedShooting {
     std::vector<double> before;
     for (int k = 0; k < most_newton; ++k) {
       solution_.D = derivative_.at_end(now_.flow);
-      if (!solution_.D.allFinite()) return give_up("changes of x(0) grow without bounds");
+      if (!bounded(solution_.D)) return give_up("changes of x(0) grow without bounds");
       const ShootingMatrix K(c_, solution_.D, size_of_states());
       solution_.determined = K.regular;
       const Vector& values = K.svd.singularValues();
@@ -277,7 +279,7 @@ class LocatedShooting {
       take(std::move(*it));
       if (now_.defect <= best.defect / 2) return true;
       const Matrix D = derivative_.at_end(now_.flow);
-      if (!D.allFinite()) break;
+      if (!bounded(D)) break;
       dx = ShootingMatrix(c_, D, size_of_states()).solve(-now_.F);
     }
     resume(best);
