@@ -1,0 +1,288 @@
+#include "core/march/impact_steps.hpp"
+
+#include "core/march/impact_problem.hpp"
+
+#include <Eigen/QR>
+
+#include <algorithm>
+#include <cmath>
+
+namespace bromwich {
+
+namespace {
+
+using Kind = ImpactRows::Kind;
+
+constexpr double touching_share = 1e-9;       ///< of the terms of w: the contacts that are closed at t = 0
+constexpr double no_speed = 1e-11;      ///< of the terms of w': less is no speed
+constexpr double same_time = 1e-9;      ///< of a step: contacts that close at once
+constexpr double turned = 1e-6;         ///< of a step: sliding that turns round so early has turned there before
+constexpr double shortest_flight = 0.125;  ///< of a step, of a bounce that another one follows
+constexpr double kink = 1e-3;              ///< of the slopes of g, which parabolas know up to the square of a step
+constexpr Index most_parts = 1024;         ///< of a step
+
+double value(const Matrix& c, Index i, double s) { return c(i, 0) + s * (c(i, 1) + s * c(i, 2)); }
+Vector values(const Matrix& c, double s) { return c.col(0) + s * (c.col(1) + s * c.col(2)); }
+Vector slopes(const Matrix& c, double s) { return c.col(1) + 2 * s * c.col(2); }
+Vector means(const Matrix& c, double from, double to) {
+  return c.col(0) + (from + to) / 2 * c.col(1) + (from * from + from * to + to * to) / 3 * c.col(2);
+}
+
+QuadraticColumns from_there(const Matrix& c, double s) { return {values(c, s), slopes(c, s), c.col(2)}; }
+
+}  // namespace
+
+ImpactSteps::ImpactSteps(const ImpactRows& rows, double h, const Vector& x0)
+    : rows_(rows),
+      flow_(rows.A),
+      h_(h),
+      N_(rows.N),
+      x_(x0),
+      y_(Vector::Zero(rows.constraints())),
+      integral_(y_),
+      closed_(rows.kind.size(), 0),
+      last_impact_(Vector::Constant(y_.size(), -INFINITY)) {
+  std::vector<Index> all;
+  for (Index i = 0; i < rows.constraints(); ++i) all.push_back(i);
+  whole_ = response(h, all);
+}
+
+ImpactSteps::Look ImpactSteps::look(const SmoothSources& now, double s, const Vector& x, const Vector& y) const {
+  const Vector f = values(now.f, s), g = values(now.g, s), dg = slopes(now.g, s);
+  const Vector x_size = x.cwiseAbs(), f_size = f.cwiseAbs();
+  return {rows_.N * x + g, rows_.NA * x + rows_.N * f + rows_.NB * y + dg,
+          rows_.N.cwiseAbs() * x_size + g.cwiseAbs(),
+          rows_.NA.cwiseAbs() * x_size + rows_.N.cwiseAbs() * f_size + dg.cwiseAbs()};
+}
+
+bool ImpactSteps::is_beyond(const SmoothSources& first) const {
+  const Look at = look(first, 0, x_, y_);
+  for (Index i = 0; i < y_.size(); ++i)
+    if (rows_.is(i, Kind::gap) && at.w[i] < -touching_share * at.size[i]) return true;
+  return false;
+}
+
+bool ImpactSteps::start(const SmoothSources& first) {
+  const Look at = look(first, 0, x_, y_);
+  std::vector<Index> gaps;
+  for (Index i = 0; i < y_.size(); ++i) {
+    if (!rows_.is(i, Kind::gap) || at.w[i] > touching_share * at.size[i]) continue;
+    closed_[std::size_t(i)] = at.slope[i] <= no_speed * at.size_of_slope[i];
+    if (closed_[std::size_t(i)]) gaps.push_back(i);
+  }
+  begin_step();
+  return strike(first, 0, gaps);
+}
+
+bool ImpactSteps::pass(const SmoothSources& now) {
+  if (now.breaks) {  // a body that stops or turns strikes what lies on it
+    const Look at = look(now, 0, x_, y_);
+    std::vector<Index> struck;
+    for (Index i = 0; i < y_.size(); ++i)
+      if (closed_[std::size_t(i)] && at.slope[i] < -kink * std::abs(now.g(i, 1))) struck.push_back(i);
+    if (!struck.empty() && !strike(now, 0, struck)) return false;
+  }
+  Part part;
+  double from = 0;
+  for (Index count = 0; from < now.length - same_time * h_; ++count) {
+    const double d = now.length - from;
+    if (count == most_parts || !take(now, from, d, part)) return false;
+    Event event = first_event(now, from, d, part);
+    if (event.at <= same_time * h_) {
+      put_back(now, from, event.gaps);
+      if (!strike(now, from, event.gaps)) return false;
+      continue;
+    }
+    if (event.at < d - same_time * h_ && !take(now, from, event.at, part)) return false;
+    from += std::min(event.at, d);
+    x_ = part.x, y_ = part.y;
+    if (first_.size() == 0) first_ = y_;
+    for (Index i = 0; i < y_.size(); ++i)
+      integral_[i] += rows_.is_force[std::size_t(i)] ? part.z[i] : std::min(event.at, d) * y_[i];
+    open(look(now, from, x_, y_), part.z);
+    put_back(now, from, event.gaps);
+    if (!event.gaps.empty() && !strike(now, from, event.gaps)) return false;
+  }
+  return true;
+}
+
+ImpactSteps::Response ImpactSteps::response(double d, const std::vector<Index>& rows) const {
+  std::vector<Index> forces;
+  for (const Index i : rows)
+    if (rows_.is_force[std::size_t(i)]) forces.push_back(i);
+  Matrix columns(rows_.states(), Index(forces.size()));
+  for (std::size_t k = 0; k < forces.size(); ++k) columns.col(Index(k)) = rows_.B.col(forces[k]);
+  Matrix moved = Matrix::Zero(columns.rows(), columns.cols());
+  flow_.advance(d, {columns, {}, {}}, moved);
+  moved /= d;
+  Response found{Matrix::Zero(rows_.states(), rows_.constraints()), rows_.M};
+  const Matrix seen = rows_.speeds * moved;
+  for (std::size_t k = 0; k < forces.size(); ++k) {
+    found.driven.col(forces[k]) = moved.col(Index(k));
+    found.W.col(forces[k]) += seen.col(Index(k));
+  }
+  return found;
+}
+
+// The part from x_ that begins at `from`, with the contacts that are closed.
+bool ImpactSteps::take(const SmoothSources& now, double from, double d, Part& part) {
+  const double to = from + d;
+  const Index n = y_.size();
+  const Vector bounds = means(now.g, from, to);
+  part.rows = rows_.acting(closed_, &bounds);
+  Matrix free = x_;
+  flow_.advance(d, from_there(now.f, from), free);
+  part.x = free;
+  part.z = part.y = Vector::Zero(n);
+  if (!part.rows.empty()) {
+    const Look end = look(now, to, part.x, part.y);
+    Vector q(Index(part.rows.size())), z;
+    for (Index k = 0; k < q.size(); ++k) {
+      const Index i = part.rows[std::size_t(k)];
+      q[k] = rows_.is(i, Kind::gap) ? end.slope[i] : rows_.is(i, Kind::speed) ? end.w[i] : d * bounds[i];
+    }
+    const bool whole = std::abs(d - h_) <= 1e-12 * h_;
+    const Response own = whole ? Response() : response(d, part.rows);
+    const Response& of = whole ? whole_ : own;
+    bool solved = false;
+    if (whole) {
+      solved = solve_whole(part.rows, q, z);
+    } else {
+      const Matrix W = own.W(part.rows, part.rows);
+      ActiveSetLcp lcp(W, LcpClass::unknown);
+      solved = solve(lcp, W, q, z);
+    }
+    if (!solved) return false;
+    for (Index k = 0; k < q.size(); ++k) {
+      const Index i = part.rows[std::size_t(k)];
+      const bool force = rows_.is_force[std::size_t(i)];
+      part.z[i] = z[k], part.y[i] = force ? z[k] / d : z[k];
+      if (force && z[k] != 0) part.x += z[k] * of.driven.col(i);
+    }
+  }
+  follow_idle(now, to, part);
+  return true;
+}
+
+bool ImpactSteps::solve_whole(const std::vector<Index>& rows, const Vector& q, Vector& z) {
+  const Matrix W = whole_.W(rows, rows);
+  if (!kept_ || rows != kept_rows_) {
+    kept_.emplace(W, LcpClass::unknown);
+    kept_rows_ = rows;
+  }
+  return solve(*kept_, W, q, z);
+}
+
+bool ImpactSteps::solve(ActiveSetLcp& lcp, const Matrix& W, const Vector& q, Vector& z) {
+  const ImpactSolution found = solve_impact_problem(lcp, W, q);
+  report_.count.newton += found.newton;
+  report_.count.fallbacks += found.fallback;
+  ++(found.solved ? report_.count.solved : report_.count.unsolved);
+  report_.finite = report_.finite && q.allFinite();
+  residual_ = std::max(residual_, found.residual);
+  z = found.z;
+  return found.solved;
+}
+
+// y of friction that does not act: no force, and the speed that its rows need.
+void ImpactSteps::follow_idle(const SmoothSources& now, double s, Part& part) const {
+  for (const ImpactRows::Friction& f : rows_.friction) {
+    if (std::binary_search(part.rows.begin(), part.rows.end(), f.room)) continue;
+    for (const Index i : f.forces) {
+      const double w = N_.row(i).dot(part.x) + value(now.g, i, s);
+      if (rows_.M(i, f.room) > 0) part.y[f.room] = std::max(part.y[f.room], -w / rows_.M(i, f.room));
+    }
+    part.z[f.room] = part.y[f.room];
+  }
+}
+
+// Contacts close where cubics through the gaps and their slopes at both ends of the part fall below 0.
+ImpactSteps::Event ImpactSteps::first_event(const SmoothSources& now, double from, double d, const Part& part) const {
+  const Look a = look(now, from, x_, part.y), b = look(now, from + d, part.x, part.y);
+  Event event{INFINITY, {}};
+  Vector at = Vector::Constant(y_.size(), INFINITY);
+  for (Index i = 0; i < y_.size(); ++i) {
+    if (!rows_.is(i, Kind::gap) || closed_[std::size_t(i)]) continue;
+    const double zero = 64 * epsilon * std::max(a.size[i], b.size[i]);
+    at[i] = first_fall({std::max(a.w[i], 0.0), a.slope[i], b.w[i], b.slope[i]}, d, zero);
+    event.at = std::min(event.at, at[i]);
+  }
+  for (const Index i : part.rows) {
+    if (!rows_.is(i, Kind::speed)) continue;
+    const double zero = no_speed * std::max(a.size[i], b.size[i]), sign = a.w[i] > 0 ? 1 : -1;
+    if (std::min(std::abs(a.w[i]), std::abs(b.w[i])) <= zero || a.w[i] * b.w[i] > 0) continue;
+    const double turns = first_fall({sign * a.w[i], sign * a.slope[i], sign * b.w[i], sign * b.slope[i]}, d, zero);
+    if (turns > turned * h_) event.at = std::min(event.at, turns);
+  }
+  for (Index i = 0; i < y_.size(); ++i)
+    if (at[i] <= event.at + same_time * h_ && std::isfinite(at[i])) event.gaps.push_back(i);
+  return event;
+}
+
+// Impulses where these gaps have closed.
+bool ImpactSteps::strike(const SmoothSources& now, double s, const std::vector<Index>& gaps) {
+  const Look before = look(now, s, x_, y_);
+  const Vector zero = no_speed * before.size_of_slope;
+  bool strikes = false;
+  for (const Index i : gaps) {
+    closed_[std::size_t(i)] = 1;
+    strikes = strikes || before.slope[i] < -zero[i];
+  }
+  if (!strikes) return true;
+  const std::vector<Index> rows = rows_.acting(closed_, nullptr);
+  Vector q(Index(rows.size())), z, bounce = Vector::Zero(y_.size());
+  for (Index k = 0; k < q.size(); ++k) {
+    const Index i = rows[std::size_t(k)];
+    if (rows_.is(i, Kind::gap)) {
+      const bool last = now.begin + s - last_impact_[i] < shortest_flight * h_;
+      if (!last && before.slope[i] < -zero[i]) bounce[i] = -rows_.e[i] * before.slope[i];
+      q[k] = before.slope[i] - bounce[i];
+    } else {
+      q[k] = rows_.is(i, Kind::speed) ? before.w[i] : 0;
+    }
+  }
+  const Matrix W = rows_.impulses(rows, rows);
+  ActiveSetLcp lcp(W, LcpClass::unknown);
+  if (!solve(lcp, W, q, z)) return false;
+  ++impacts_;
+  Vector p = Vector::Zero(y_.size());
+  for (Index k = 0; k < q.size(); ++k)
+    if (const Index i = rows[std::size_t(k)]; rows_.is_force[std::size_t(i)]) p[i] = z[k];
+  x_ += rows_.B * p;
+  integral_ += p;
+  for (const Index i : gaps) last_impact_[i] = now.begin + s;
+  for (Index i = 0; i < y_.size(); ++i)
+    if (p[i] > 0 && bounce[i] > zero[i]) closed_[std::size_t(i)] = 0;
+  open(look(now, s, x_, y_), p);
+  return true;
+}
+
+// Contacts without a force that part are open.
+void ImpactSteps::open(const Look& at, const Vector& z) {
+  for (Index i = 0; i < y_.size(); ++i)
+    if (closed_[std::size_t(i)] && !(z[i] > 0) && at.slope[i] > no_speed * at.size_of_slope[i])
+      closed_[std::size_t(i)] = 0;
+}
+
+// Positions onto the gaps that are closed, these, and what has come below 0.
+void ImpactSteps::put_back(const SmoothSources& now, double s, const std::vector<Index>& more) {
+  std::vector<Index> held;
+  Vector off = Vector::Zero(y_.size());
+  for (Index i = 0; i < y_.size(); ++i) {
+    if (!rows_.is(i, Kind::gap)) continue;
+    off[i] = N_.row(i).dot(x_) + value(now.g, i, s);
+    if (closed_[std::size_t(i)] || off[i] < 0 || std::binary_search(more.begin(), more.end(), i)) held.push_back(i);
+  }
+  if (held.empty()) return;
+  if (held != held_) {
+    held_ = held;
+    Matrix N(Index(held.size()), x_.size());
+    for (std::size_t k = 0; k < held.size(); ++k) N.row(Index(k)) = N_.row(held[k]);
+    const Matrix gram = N * N.transpose();
+    onto_held_ = gram.completeOrthogonalDecomposition().pseudoInverse();
+  }
+  const Vector by = onto_held_ * off(held);
+  for (std::size_t k = 0; k < held.size(); ++k) x_ -= by[Index(k)] * N_.row(held[k]).transpose();
+}
+
+}  // namespace bromwich

@@ -1,0 +1,108 @@
+// March over impacts: structures with rigid contacts, friction and restitution, against reference digits, closed forms
+// and located events.
+
+#include "tests/mechanics/mechanisms.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cstdio>
+#include <random>
+
+namespace bromwich {
+namespace {
+
+struct Drawn {
+  Structure structure;
+  std::vector<Contact> contacts;
+};
+
+// Planar structures that rest, strike, stick and slip.
+Drawn random_structure(std::uint32_t seed, Index contacts) {
+  std::mt19937 random(seed);
+  std::normal_distribution<double> normal;
+  const auto pick = [&](const std::vector<double>& values) { return values[random() % values.size()]; };
+  const auto draw = [&](Index rows, Index cols) {
+    Matrix m(rows, cols);
+    for (double& value : m.reshaped()) value = normal(random);
+    return m;
+  };
+  const Index d = 2 * contacts + Index(random() % 2);
+  Drawn drawn;
+  Structure& s = drawn.structure;
+  const Matrix R = draw(d, d), S = draw(d, d), I = Matrix::Identity(d, d);
+  s.M = sparse(random() % 2 ? I : Matrix(I + 0.3 * R * R.transpose() / double(d)));
+  s.K = sparse(Matrix(S * S.transpose() / double(d) + I));
+  s.C = sparse(Matrix(0.05 * I + 0.02 * Matrix(s.K)));
+  const Vector a = draw(d, 1), b = 0.7 * draw(d, 1), phase = 3 * draw(d, 1);
+  const double rate = 1 + double(random() % 300) / 100;
+  s.f = forces([=](double t) { return Vector(a.array() * (rate * t + phase.array()).sin() + b.array()); });
+  s.T = 4;
+  s.breakpoints_are_all = true;
+  for (Index i = 0; i < contacts; ++i) {
+    Contact c;
+    const bool along = random() % 2;
+    c.normal = along ? Vector(Vector::Unit(d, 2 * i + 1)) : Vector(draw(d, 1).normalized());
+    c.mu = pick({0, 0.1, 0.3, 0.6, 1});
+    if (c.mu > 0) {
+      c.tangent = along ? Matrix(Vector::Unit(d, 2 * i).transpose()) : Matrix(draw(1, d).normalized());
+      c.velocity = always(pick({0, 0.4, -0.7}));
+    }
+    c.gap = always(pick({0, 0.05, 0.3}));
+    c.restitution = pick({0, 0, 0.3, 0.6, 0.9});
+    drawn.contacts.push_back(c);
+  }
+  return drawn;
+}
+
+Result stepped(const Scene& scene, Index steps) {
+  Options options = marched(steps);
+  options.confirm = false;
+  return run(scene, options);
+}
+
+TEST(Study, DISABLED_Block) {
+  for (const double e : {0.0, 0.5}) {
+    const Vector q = e == 0 ? Vector{{-0.2276458679, 0.0644897728, -0.2264338204, -0.5182400725}}
+                            : Vector{{-0.2024374329, 0.0637274032, -0.2157451367, -0.5111438908}};
+    for (const Index steps : {250, 1000, 4000}) {
+      const Result r = stepped(make_mechanism(block(1.3, 10), {belt(e)}).scene, steps);
+      std::printf("e %.1f steps %ld %s %s q %.2e x %.2e residual %.1e total %.1f ms; %s\n", e, long(steps),
+                  to_string(r.status), r.reason.c_str(), (last_state(r) - q).head(2).cwiseAbs().maxCoeff(),
+                  (last_state(r) - q).cwiseAbs().maxCoeff(), r.residual, 1e3 * r.seconds.total, r.kernel.c_str());
+    }
+  }
+}
+
+TEST(Study, DISABLED_Random) {
+  int bad = 0, all = 0;
+  for (std::uint32_t seed = 0; seed < 60; ++seed) {
+    const Drawn drawn = random_structure(seed, 1 + Index(seed % 4));
+    const Mechanism m = make_mechanism(drawn.structure, drawn.contacts);
+    Options options = options_for(Method::events);
+    options.states = StateSelection::all;
+    const Result exact = run(m.scene, options);
+    if (exact.status != Status::solved) continue;
+    const Index d = m.coordinates();
+    std::string line;
+    char word[64];
+    std::vector<double> errors;
+    for (const Index steps : {100, 200, 400, 800, 1600, 3200, 6400}) {
+      const Result r = stepped(m.scene, steps);
+      double error = NAN;
+      if (r.status == Status::solved) error = (last_state(r) - last_state(exact)).head(d).cwiseAbs().maxCoeff();
+      errors.push_back(error);
+      std::snprintf(word, sizeof word, " %.1e", error);
+      line += word;
+      if (r.status != Status::solved) line += r.reason;
+    }
+    const double order = std::log2(errors[1] / errors[6]) / 5;
+    ++all;
+    if (!(order > 1.7)) ++bad;
+    std::printf("%u: %ld contacts, order %.2f%s, impacts %s\n", seed, long(m.contacts.size()), order, line.c_str(),
+                stepped(m.scene, 1600).kernel.substr(54).c_str());
+  }
+  std::printf("%d of %d below\n", bad, all);
+}
+
+}  // namespace
+}  // namespace bromwich
