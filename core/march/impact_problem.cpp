@@ -16,15 +16,12 @@ namespace {
 constexpr double raised_for_lemke = 1e-9;///< of the diagonal, beside entries of 1
 constexpr double accepted_residual = 1e-10;  ///< residual of what a fallback finds
 
+// The natural map, with unknowns in units of the largest, and rows in units of what that moves. A force that is rounding
+// of larger ones, as where a contact parts, is none.
 double residual_of(const Matrix& W, const Vector& q, const Vector& z) {
-  const Vector w = W * z + q, terms = W.cwiseAbs() * z.cwiseAbs() + q.cwiseAbs();
-  const double largest = std::max(z.cwiseAbs().maxCoeff(), 1e-290);
-  double worst = 0;
-  for (Index i = 0; i < q.size(); ++i) {
-    const double open = terms[i] > 0 ? w[i] / terms[i] : 0;
-    worst = std::max(worst, std::abs(std::min(open, z[i] / largest)));
-  }
-  return worst;
+  const double unit = std::max({q.cwiseAbs().maxCoeff(), z.cwiseAbs().maxCoeff(), 1e-290});
+  const Vector w = W * z + q, units = unit * (W.cwiseAbs().rowwise().sum().array() + 1);
+  return w.cwiseQuotient(units).cwiseMin(z / unit).cwiseAbs().maxCoeff();
 }
 
 bool by_lemke(const Matrix& W, const Vector& q, Vector& z) {

@@ -16,7 +16,8 @@ using Kind = ImpactRows::Kind;
 constexpr double touching_share = 1e-9;       ///< of the terms of w: the contacts that are closed at t = 0
 constexpr double no_speed = 1e-11;      ///< of the terms of w': less is no speed
 constexpr double same_time = 1e-9;      ///< of a step: contacts that close at once
-constexpr double turned = 1e-6;         ///< of a step: sliding that turns round so early has turned there before
+constexpr double turned = 1e-6;         ///< of a step: sliding that ends so early has ended there before
+constexpr double shorter = 64;          ///< parts for the forces while sliding goes on
 constexpr double shortest_flight = 0.125;  ///< of a step, of a bounce that another one follows
 constexpr double kink = 1e-3;              ///< of the slopes of g, which parabolas know up to the square of a step
 constexpr Index most_parts = 1024;         ///< of a step
@@ -40,8 +41,7 @@ ImpactSteps::ImpactSteps(const ImpactRows& rows, double h, const Vector& x0)
       x_(x0),
       y_(Vector::Zero(rows.constraints())),
       integral_(y_),
-      closed_(rows.kind.size(), 0),
-      last_impact_(Vector::Constant(y_.size(), -INFINITY)) {
+      closed_(rows.kind.size(), 0) {
   std::vector<Index> all;
   for (Index i = 0; i < rows.constraints(); ++i) all.push_back(i);
   whole_ = response(h, all);
@@ -94,9 +94,9 @@ bool ImpactSteps::pass(const SmoothSources& now) {
       continue;
     }
     if (event.at < d - same_time * h_ && !take(now, from, event.at, part)) return false;
+    if (first_.size() == 0) first_ = y_at_begin(now, part);
     from += std::min(event.at, d);
     x_ = part.x, y_ = part.y;
-    if (first_.size() == 0) first_ = y_;
     for (Index i = 0; i < y_.size(); ++i)
       integral_[i] += rows_.is_force[std::size_t(i)] ? part.z[i] : std::min(event.at, d) * y_[i];
     open(look(now, from, x_, y_), part.z);
@@ -196,27 +196,66 @@ void ImpactSteps::follow_idle(const SmoothSources& now, double s, Part& part) co
   }
 }
 
+// Forces of the first part, and what the speeds at its begin make of the others.
+Vector ImpactSteps::y_at_begin(const SmoothSources& now, const Part& part) const {
+  Part begin{{}, part.z, part.y, x_};
+  for (const ImpactRows::Friction& f : rows_.friction) begin.y[f.room] = 0;
+  follow_idle(now, 0, begin);
+  return begin.y;
+}
+
 // Contacts close where cubics through the gaps and their slopes at both ends of the part fall below 0.
-ImpactSteps::Event ImpactSteps::first_event(const SmoothSources& now, double from, double d, const Part& part) const {
-  const Look a = look(now, from, x_, part.y), b = look(now, from + d, part.x, part.y);
+ImpactSteps::Event ImpactSteps::first_event(const SmoothSources& now, double from, double d, const Part& part) {
+  const Look begin = look(now, from, x_, part.y), end = look(now, from + d, part.x, part.y);
   Event event{INFINITY, {}};
   Vector at = Vector::Constant(y_.size(), INFINITY);
   for (Index i = 0; i < y_.size(); ++i) {
     if (!rows_.is(i, Kind::gap) || closed_[std::size_t(i)]) continue;
-    const double zero = 64 * epsilon * std::max(a.size[i], b.size[i]);
-    at[i] = first_fall({std::max(a.w[i], 0.0), a.slope[i], b.w[i], b.slope[i]}, d, zero);
+    const double zero = 64 * epsilon * std::max(begin.size[i], end.size[i]);
+    at[i] = first_fall({std::max(begin.w[i], 0.0), begin.slope[i], end.w[i], end.slope[i]}, d, zero);
     event.at = std::min(event.at, at[i]);
   }
-  for (const Index i : part.rows) {
-    if (!rows_.is(i, Kind::speed)) continue;
-    const double zero = no_speed * std::max(a.size[i], b.size[i]), sign = a.w[i] > 0 ? 1 : -1;
-    if (std::min(std::abs(a.w[i]), std::abs(b.w[i])) <= zero || a.w[i] * b.w[i] > 0) continue;
-    const double turns = first_fall({sign * a.w[i], sign * a.slope[i], sign * b.w[i], sign * b.slope[i]}, d, zero);
-    if (turns > turned * h_) event.at = std::min(event.at, turns);
-  }
+  event.at = std::min(event.at, first_turn(now, from, d, begin, end, part));
   for (Index i = 0; i < y_.size(); ++i)
     if (at[i] <= event.at + same_time * h_ && std::isfinite(at[i])) event.gaps.push_back(i);
   return event;
+}
+
+// Sliding ends within the part where it has another direction at its end, or none. Constant forces of the whole part do
+// not tell when, since friction jumps there. Those of a part that is so short that it goes on do.
+double ImpactSteps::first_turn(const SmoothSources& now, double from, double d, const Look& begin, const Look& end,
+                               const Part& part) {
+  const auto size = [&](Index i) { return no_speed * std::max(begin.size[i], end.size[i]); };
+  const auto goes_on = [&](Index i, double w) { return begin.w[i] > 0 ? w > size(i) : w < -size(i); };
+  std::vector<Index> ends;
+  for (const Index i : part.rows)
+    if (rows_.is(i, Kind::speed) && std::abs(begin.w[i]) > size(i) && !goes_on(i, end.w[i])) ends.push_back(i);
+  if (ends.empty()) return INFINITY;
+  Part brief;
+  for (double length = d / shorter; length > turned * h_; length /= shorter) {
+    if (!take(now, from, length, brief)) return INFINITY;
+    const Look there = look(now, from + length, brief.x, brief.y);
+    if (!std::all_of(ends.begin(), ends.end(), [&](Index i) { return goes_on(i, there.w[i]); })) continue;
+    Matrix x = x_;
+    QuadraticColumns input = from_there(now.f, from);
+    for (Index i = 0; i < y_.size(); ++i)
+      if (rows_.is_force[std::size_t(i)]) input[0] += brief.y[i] * rows_.B.col(i);
+    flow_.advance(d, input, x);
+    const Look a = look(now, from, x_, brief.y), b = look(now, from + d, x, brief.y);
+    double first = INFINITY;
+    for (const Index i : ends) {
+      const double sign = begin.w[i] > 0 ? 1 : -1;
+      first = std::min(first, first_fall({sign * a.w[i], sign * a.slope[i], sign * b.w[i], sign * b.slope[i]}, d, 0));
+    }
+    return first > turned * h_ ? first : INFINITY;
+  }
+  return INFINITY;
+}
+
+// w'' of gaps with the forces of the last part.
+Vector ImpactSteps::accelerations(const SmoothSources& now, double s) const {
+  const Vector rates = rows_.A * x_ + rows_.B * y_ + values(now.f, s);
+  return rows_.NA * rates + rows_.N * slopes(now.f, s) + 2 * now.g.col(2);
 }
 
 // Impulses where these gaps have closed.
@@ -230,12 +269,13 @@ bool ImpactSteps::strike(const SmoothSources& now, double s, const std::vector<I
   }
   if (!strikes) return true;
   const std::vector<Index> rows = rows_.acting(closed_, nullptr);
+  const Vector falls = -accelerations(now, s);
   Vector q(Index(rows.size())), z, bounce = Vector::Zero(y_.size());
   for (Index k = 0; k < q.size(); ++k) {
     const Index i = rows[std::size_t(k)];
     if (rows_.is(i, Kind::gap)) {
-      const bool last = now.begin + s - last_impact_[i] < shortest_flight * h_;
-      if (!last && before.slope[i] < -zero[i]) bounce[i] = -rows_.e[i] * before.slope[i];
+      const double rebound = before.slope[i] < -zero[i] ? -rows_.e[i] * before.slope[i] : 0;
+      if (2 * rebound >= shortest_flight * h_ * falls[i]) bounce[i] = rebound;
       q[k] = before.slope[i] - bounce[i];
     } else {
       q[k] = rows_.is(i, Kind::speed) ? before.w[i] : 0;
@@ -250,7 +290,6 @@ bool ImpactSteps::strike(const SmoothSources& now, double s, const std::vector<I
     if (const Index i = rows[std::size_t(k)]; rows_.is_force[std::size_t(i)]) p[i] = z[k];
   x_ += rows_.B * p;
   integral_ += p;
-  for (const Index i : gaps) last_impact_[i] = now.begin + s;
   for (Index i = 0; i < y_.size(); ++i)
     if (p[i] > 0 && bounce[i] > zero[i]) closed_[std::size_t(i)] = 0;
   open(look(now, s, x_, y_), p);

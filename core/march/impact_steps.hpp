@@ -1,5 +1,5 @@
 #pragma once
-// Steps of structures with rigid contacts. A step is divided where contacts close, and where sliding turns round. On
+// Steps of structures with rigid contacts. A step is divided where contacts close, and where sliding ends. On
 // each part forces are constant, the flow is exact, and one problem of velocities at its end gives the forces:
 //
 //     0 <= z  ⊥  W z + q >= 0,   W = M + speeds D   (impact_rows.hpp),
@@ -7,8 +7,8 @@
 // with the closed contacts alone, so that their speeds vanish at the end or they open. Positions are put back onto the
 // closed contacts, from which they are off by the cube of the part. Where a contact closes, the same problem with
 // D = B has the impulses p as unknowns and Newton's law: w'+ + e w'- >= 0. What is left behind of y is part of it, and
-// complementary to M p. A bounce that lasts less than an eighth of a step is the last of its contact: it rises by less
-// than the square of the step.
+// complementary to M p. Where a bounce would last less than an eighth of a step, the contact stays closed: it would rise
+// by less than the square of the step.
 
 #include "../lcp/active_set.hpp"
 #include "../lcp/march_report.hpp"
@@ -61,7 +61,7 @@ class ImpactSteps {
   };
   struct Event {
     double at;                ///< within the part; infinite: none
-    std::vector<Index> gaps;  ///< that close there; none: sliding turns round
+    std::vector<Index> gaps;  ///< that close there; none: sliding ends
   };
   // Of one length.
   struct Response {
@@ -73,8 +73,11 @@ class ImpactSteps {
   bool take(const SmoothSources&, double from, double d, Part&);
   bool solve(ActiveSetLcp&, const Matrix& W, const Vector& q, Vector& z);
   bool solve_whole(const std::vector<Index>& rows, const Vector& q, Vector& z);
-  Event first_event(const SmoothSources&, double from, double d, const Part&) const;
+  Event first_event(const SmoothSources&, double from, double d, const Part&);
+  double first_turn(const SmoothSources&, double from, double d, const Look& begin, const Look& end, const Part&);
   void follow_idle(const SmoothSources&, double s, Part&) const;
+  Vector y_at_begin(const SmoothSources&, const Part&) const;
+  Vector accelerations(const SmoothSources&, double s) const;
   bool strike(const SmoothSources&, double s, const std::vector<Index>& gaps);
   void open(const Look&, const Vector& z);
   void put_back(const SmoothSources&, double s, const std::vector<Index>& more);
@@ -88,7 +91,6 @@ class ImpactSteps {
   std::optional<ActiveSetLcp> kept_;  ///< of whole steps with kept_rows_
   Vector x_, y_, first_, integral_;
   std::vector<char> closed_;
-  Vector last_impact_;  ///< n: times
   std::vector<Index> held_;
   Matrix onto_held_;  ///< pseudoinverse of N N^T of held_
   Index impacts_ = 0;

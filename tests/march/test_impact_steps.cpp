@@ -104,5 +104,39 @@ TEST(Study, DISABLED_Random) {
   std::printf("%d of %d below\n", bad, all);
 }
 
+TEST(Study, DISABLED_Where) {
+  const std::uint32_t seed = std::uint32_t(std::atoi(std::getenv("SEED")));
+  const Index steps = std::atoi(std::getenv("STEPS"));
+  const Drawn drawn = random_structure(seed, 1 + Index(seed % 4));
+  const Mechanism m = make_mechanism(drawn.structure, drawn.contacts);
+  for (const Contact& c : m.contacts) {
+    Vector g(1);
+    c.gap(0, g);
+    std::printf("mu %g e %g gap %g\n", c.mu, c.restitution, g[0]);
+  }
+  Options options = options_for(Method::events, steps);
+  options.states = StateSelection::all;
+  options.trace = true;
+  const Result exact = run(m.scene, options), r = stepped(m.scene, steps);
+  const Index d = m.coordinates();
+  double before = 0;
+  for (Index j = 0; j <= steps; ++j) {
+    const double error = (r.x.row(j) - exact.x.row(j)).head(d).cwiseAbs().maxCoeff(),
+                 of_v = (r.x.row(j) - exact.x.row(j)).tail(d).cwiseAbs().maxCoeff();
+    if (error > 1.3 * before + 1e-9 || j % 400 == 0) {
+      std::printf("%ld t %.5f q %.2e v %.2e\n  y", long(j), r.t[j], error, of_v);
+      for (Index i = 0; i < r.y.cols(); ++i) std::printf(" %.3e", r.y(j, i));
+      std::printf("\n  Y");
+      for (Index i = 0; i < r.y.cols(); ++i) std::printf(" %.3e", exact.y(j, i));
+      std::printf("\n  w");
+      for (Index i = 0; i < r.y.cols(); ++i) std::printf(" %.3e", r.trace(j, i));
+      std::printf("\n  W");
+      for (Index i = 0; i < r.y.cols(); ++i) std::printf(" %.3e", exact.trace(j, i));
+      std::printf("\n");
+      before = error;
+    }
+  }
+}
+
 }  // namespace
 }  // namespace bromwich
