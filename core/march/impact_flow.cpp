@@ -17,9 +17,15 @@ double norm(const SparseMatrix& A) {
 
 double largest(const Matrix& X) { return X.size() > 0 ? X.cwiseAbs().maxCoeff() : 0; }
 
-// The terms of x are a_k d^k with a_{k+1} = (A a_k + c_k) / (k + 1).
-void expand(const SparseMatrix& A, double d, const QuadraticColumns& c, Matrix& X) {
+// The terms of x are a_k d^k with a_{k+1} = (A a_k + c_k) / (k + 1). `seen`: by C, all of them.
+struct SeenTerms {
+  const SparseMatrix& C;
+  std::vector<Matrix> values;
+};
+
+void expand(const SparseMatrix& A, double d, const QuadraticColumns& c, Matrix& X, SeenTerms* seen = nullptr) {
   Matrix term = X, next;
+  if (seen) seen->values.assign(1, seen->C * X);
   double power = 1;
   bool small = false;
   for (int k = 0; k < most_terms; ++k) {
@@ -29,6 +35,7 @@ void expand(const SparseMatrix& A, double d, const QuadraticColumns& c, Matrix& 
     if (k < 3 && c[std::size_t(k)].size() > 0) next += power * c[std::size_t(k)];
     term = next / double(k + 1);
     X += term;
+    if (seen) seen->values.push_back(seen->C * term);
     const bool smaller = largest(term) <= epsilon / 8 * largest(X);
     if (k >= 3 && smaller && small) return;  // one term may vanish by itself
     small = smaller;
@@ -53,6 +60,28 @@ void ImpactFlow::advance(double d, const QuadraticColumns& c, Matrix& X) const {
     if (c[1].size() > 0) here[0] += s * c[1];
     expand(A_, length, here, X);
   }
+}
+
+ImpactResponse::ImpactResponse(const ImpactFlow& flow, const SparseMatrix& B, const SparseMatrix& C, double h)
+    : length_(h / double(flow.pieces(h))), outputs_(C.rows()) {
+  const QuadraticColumns input{Matrix(B), {}, {}};
+  Matrix X = Matrix::Zero(B.rows(), B.cols());
+  SeenTerms seen{C, {}};
+  for (Index piece = 0; piece < flow.pieces(h); ++piece) {
+    expand(flow.matrix(), length_, input, X, &seen);
+    Matrix& entries = entries_.emplace_back(Index(seen.values.size()), C.rows() * B.cols());
+    for (std::size_t k = 0; k < seen.values.size(); ++k) entries.row(Index(k)) = seen.values[k].reshaped().transpose();
+  }
+}
+
+double ImpactResponse::at(double d, Index row, Index column) const {
+  const double pieces = d / length_;
+  const std::size_t piece = std::min(std::size_t(pieces), entries_.size() - 1);
+  const auto c = entries_[piece].col(column * outputs_ + row);
+  const double s = pieces - double(piece);
+  double sum = c[c.size() - 1];
+  for (Index k = c.size() - 2; k >= 0; --k) sum = sum * s + c[k];
+  return sum / d;
 }
 
 }  // namespace bromwich

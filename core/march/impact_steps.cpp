@@ -38,14 +38,11 @@ ImpactSteps::ImpactSteps(const ImpactRows& rows, double h, const Vector& x0)
       flow_(rows.A),
       h_(h),
       N_(rows.N),
+      response_(flow_, rows.B, rows.speeds, h),
       x_(x0),
       y_(Vector::Zero(rows.constraints())),
       integral_(y_),
-      closed_(rows.kind.size(), 0) {
-  std::vector<Index> all;
-  for (Index i = 0; i < rows.constraints(); ++i) all.push_back(i);
-  whole_ = response(h, all);
-}
+      closed_(rows.kind.size(), 0) {}
 
 ImpactSteps::Look ImpactSteps::look(const SmoothSources& now, double s, const Vector& x, const Vector& y) const {
   const Vector f = values(now.f, s), g = values(now.g, s), dg = slopes(now.g, s);
@@ -106,22 +103,15 @@ bool ImpactSteps::pass(const SmoothSources& now) {
   return true;
 }
 
-ImpactSteps::Response ImpactSteps::response(double d, const std::vector<Index>& rows) const {
-  std::vector<Index> forces;
-  for (const Index i : rows)
-    if (rows_.is_force[std::size_t(i)]) forces.push_back(i);
-  Matrix columns(rows_.states(), Index(forces.size()));
-  for (std::size_t k = 0; k < forces.size(); ++k) columns.col(Index(k)) = rows_.B.col(forces[k]);
-  Matrix moved = Matrix::Zero(columns.rows(), columns.cols());
-  flow_.advance(d, {columns, {}, {}}, moved);
-  moved /= d;
-  Response found{Matrix::Zero(rows_.states(), rows_.constraints()), rows_.M};
-  const Matrix seen = rows_.speeds * moved;
-  for (std::size_t k = 0; k < forces.size(); ++k) {
-    found.driven.col(forces[k]) = moved.col(Index(k));
-    found.W.col(forces[k]) += seen.col(Index(k));
+// M + speeds D of these rows.
+Matrix ImpactSteps::problem(double d, const std::vector<Index>& rows) const {
+  Matrix W = rows_.M(rows, rows);
+  for (std::size_t c = 0; c < rows.size(); ++c) {
+    if (!rows_.is_force[std::size_t(rows[c])]) continue;
+    for (std::size_t r = 0; r < rows.size(); ++r)
+      if (!rows_.is(rows[r], Kind::room)) W(Index(r), Index(c)) += response_.at(d, rows[r], rows[c]);
   }
-  return found;
+  return W;
 }
 
 // The part from x_ that begins at `from`, with the contacts that are closed.
@@ -141,36 +131,35 @@ bool ImpactSteps::take(const SmoothSources& now, double from, double d, Part& pa
       const Index i = part.rows[std::size_t(k)];
       q[k] = rows_.is(i, Kind::gap) ? end.slope[i] : rows_.is(i, Kind::speed) ? end.w[i] : d * bounds[i];
     }
-    const bool whole = std::abs(d - h_) <= 1e-12 * h_;
-    const Response own = whole ? Response() : response(d, part.rows);
-    const Response& of = whole ? whole_ : own;
-    bool solved = false;
-    if (whole) {
-      solved = solve_whole(part.rows, q, z);
-    } else {
-      const Matrix W = own.W(part.rows, part.rows);
-      ActiveSetLcp lcp(W, LcpClass::unknown);
-      solved = solve(lcp, W, q, z);
-    }
-    if (!solved) return false;
+    if (!solve_part(d, part.rows, q, z)) return false;
     for (Index k = 0; k < q.size(); ++k) {
       const Index i = part.rows[std::size_t(k)];
-      const bool force = rows_.is_force[std::size_t(i)];
-      part.z[i] = z[k], part.y[i] = force ? z[k] / d : z[k];
-      if (force && z[k] != 0) part.x += z[k] * of.driven.col(i);
+      part.z[i] = z[k], part.y[i] = rows_.is_force[std::size_t(i)] ? z[k] / d : z[k];
+    }
+    if (!part.z.isZero(0)) {
+      QuadraticColumns input = from_there(now.f, from);
+      input[0] += rows_.B * part.y;
+      free = x_;
+      flow_.advance(d, input, free);
+      part.x = free;
     }
   }
   follow_idle(now, to, part);
   return true;
 }
 
-bool ImpactSteps::solve_whole(const std::vector<Index>& rows, const Vector& q, Vector& z) {
-  const Matrix W = whole_.W(rows, rows);
+bool ImpactSteps::solve_part(double d, const std::vector<Index>& rows, const Vector& q, Vector& z) {
+  if (std::abs(d - h_) > 1e-12 * h_) {
+    const Matrix W = problem(d, rows);
+    ActiveSetLcp lcp(W, LcpClass::unknown);
+    return solve(lcp, W, q, z);
+  }
   if (!kept_ || rows != kept_rows_) {
-    kept_.emplace(W, LcpClass::unknown);
+    kept_problem_ = problem(h_, rows);
+    kept_.emplace(kept_problem_, LcpClass::unknown);
     kept_rows_ = rows;
   }
-  return solve(*kept_, W, q, z);
+  return solve(*kept_, kept_problem_, q, z);
 }
 
 bool ImpactSteps::solve(ActiveSetLcp& lcp, const Matrix& W, const Vector& q, Vector& z) {
@@ -238,8 +227,7 @@ double ImpactSteps::first_turn(const SmoothSources& now, double from, double d, 
     if (!std::all_of(ends.begin(), ends.end(), [&](Index i) { return goes_on(i, there.w[i]); })) continue;
     Matrix x = x_;
     QuadraticColumns input = from_there(now.f, from);
-    for (Index i = 0; i < y_.size(); ++i)
-      if (rows_.is_force[std::size_t(i)]) input[0] += brief.y[i] * rows_.B.col(i);
+    input[0] += rows_.B * brief.y;
     flow_.advance(d, input, x);
     const Look a = look(now, from, x_, brief.y), b = look(now, from + d, x, brief.y);
     double first = INFINITY;

@@ -63,16 +63,11 @@ class ImpactSteps {
     double at;                ///< within the part; infinite: none
     std::vector<Index> gaps;  ///< that close there; none: sliding ends
   };
-  // Of one length.
-  struct Response {
-    Matrix driven, W;  ///< D, m x n, and M + speeds D; columns of forces that do not act are missing in those of parts
-  };
-
   Look look(const SmoothSources&, double s, const Vector& x, const Vector& y) const;
-  Response response(double d, const std::vector<Index>& rows) const;
+  Matrix problem(double d, const std::vector<Index>& rows) const;
   bool take(const SmoothSources&, double from, double d, Part&);
   bool solve(ActiveSetLcp&, const Matrix& W, const Vector& q, Vector& z);
-  bool solve_whole(const std::vector<Index>& rows, const Vector& q, Vector& z);
+  bool solve_part(double d, const std::vector<Index>& rows, const Vector& q, Vector& z);
   Event first_event(const SmoothSources&, double from, double d, const Part&);
   double first_turn(const SmoothSources&, double from, double d, const Look& begin, const Look& end, const Part&);
   void follow_idle(const SmoothSources&, double s, Part&) const;
@@ -86,9 +81,11 @@ class ImpactSteps {
   ImpactFlow flow_;
   const double h_;
   const Eigen::SparseMatrix<double, Eigen::RowMajor> N_;
-  Response whole_;  ///< of a step
+  const ImpactResponse response_;
+  // Of whole steps with these rows.
   std::vector<Index> kept_rows_;
-  std::optional<ActiveSetLcp> kept_;  ///< of whole steps with kept_rows_
+  Matrix kept_problem_;
+  std::optional<ActiveSetLcp> kept_;
   Vector x_, y_, first_, integral_;
   std::vector<char> closed_;
   std::vector<Index> held_;

@@ -104,12 +104,62 @@ TEST(Study, DISABLED_Random) {
   std::printf("%d of %d below\n", bad, all);
 }
 
+// Blocks with springs between them, each on a belt of its own.
+Mechanism chain(Index blocks, double restitution) {
+  const Index d = 2 * blocks;
+  Matrix K = Matrix::Zero(d, d);
+  std::vector<Contact> contacts;
+  for (Index i = 0; i < blocks; ++i) {
+    const Index x = 2 * i, z = x + 1;
+    K(x, x) += 2, K(z, z) += 1.5, K(x, z) -= 0.6, K(z, x) -= 0.6;
+    if (i + 1 < blocks) K(x, x) += 1, K(x + 2, x + 2) += 1, K(x, x + 2) -= 1, K(x + 2, x) -= 1;
+    Contact c = belt(restitution);
+    c.normal = Vector::Unit(d, z);
+    c.tangent = Vector::Unit(d, x).transpose();
+    contacts.push_back(c);
+  }
+  Structure s;
+  s.M = sparse(Matrix::Identity(d, d)), s.K = sparse(K);
+  s.C = sparse(Matrix(0.04 * Matrix::Identity(d, d) + 0.01 * K));
+  s.f = forces([d](double t) {
+    Vector f(d);
+    for (Index i = 0; i < d / 2; ++i) {
+      f[2 * i] = 0.3 * std::sin(2.1 * t + double(i));
+      f[2 * i + 1] = -1 + 1.3 * std::cos(2.1 * t + 0.7 * double(i));
+    }
+    return f;
+  });
+  s.T = 4;
+  s.breakpoints_are_all = true;
+  return make_mechanism(s, contacts);
+}
+
+TEST(Study, DISABLED_Chain) {
+  for (const Index blocks : {1, 4, 16, 64})
+    for (const double e : {0.0, 0.5}) {
+      const Mechanism m = chain(blocks, e);
+      const Index d = m.coordinates();
+      const Vector fine = last_state(stepped(m.scene, 6400)).head(d);
+      for (const Index steps : {100, 200, 400}) {
+        const Result r = stepped(m.scene, steps);
+        Options whole = marched(steps);
+        const Result c = run(m.scene, whole);
+        std::printf("%ld e %.1f steps %ld %s q %.2e total %.1f ms (setup %.1f, lcp %.1f), certified %s %.1f ms; %s; %s %s %d\n",
+                    long(blocks), e, long(steps), r.reason.c_str(),
+                    (last_state(r).head(d) - fine).cwiseAbs().maxCoeff(), 1e3 * r.seconds.total,
+                    1e3 * r.seconds.setup, 1e3 * r.seconds.lcp, to_string(c.status), 1e3 * c.seconds.total,
+                    r.kernel.substr(40).c_str(), c.reason.c_str(), c.warning.c_str(), r.well_posed);
+      }
+    }
+}
+
 TEST(Study, DISABLED_Where) {
   const std::uint32_t seed = std::uint32_t(std::atoi(std::getenv("SEED")));
   const Index steps = std::atoi(std::getenv("STEPS"));
   const Drawn drawn = random_structure(seed, 1 + Index(seed % 4));
-  const Mechanism m = make_mechanism(drawn.structure, drawn.contacts);
+  const Mechanism m = seed == 1000 ? chain(1, 0) : make_mechanism(drawn.structure, drawn.contacts);
   for (const Contact& c : m.contacts) {
+    if (!c.gap) continue;
     Vector g(1);
     c.gap(0, g);
     std::printf("mu %g e %g gap %g\n", c.mu, c.restitution, g[0]);
