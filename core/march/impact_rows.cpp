@@ -81,6 +81,14 @@ std::vector<Index> ImpactRows::acting(const std::vector<char>& closed, const Vec
   return rows;
 }
 
+Vector ImpactRows::touching(const Vector& x, const Vector& g) const {
+  constexpr double of_terms = 1e-9, of_states = 1e-12;
+  const Vector size = x.cwiseAbs();
+  const double largest = size.size() > 0 ? size.maxCoeff() : 0;
+  return of_terms * (N.cwiseAbs() * size + g.cwiseAbs()) +
+         of_states * largest * (N.cwiseAbs() * Vector::Ones(x.size()));
+}
+
 bool ImpactRows::have_one_solution() const {
   const auto joined = [&](Index i, Index j) { return impulses(i, j) != 0 || impulses(j, i) != 0; };
   for (const auto& rows : connected_components(constraints(), joined, [](Index, Index) {})) {

@@ -42,6 +42,8 @@ struct ImpactRows {
   /// Rows of problems with these gaps closed. Friction of open contacts has none. `bounds`: means of g over a part, or
   /// null for impulses, which a given bound does not take.
   std::vector<Index> acting(const std::vector<char>& closed, const Vector* bounds) const;
+  /// n: what counts as 0 of the gaps of a state that is given, as rounding of g and of the states.
+  Vector touching(const Vector& x, const Vector& g) const;
   /// Whether a problem of velocities has one solution: its limit for small parts is of class P, with any larger
   /// diagonal. False where it is not known, as with more than 16 rows that act on each other.
   bool have_one_solution() const;

@@ -13,10 +13,9 @@ namespace {
 
 using Kind = ImpactRows::Kind;
 
-constexpr double touching_share = 1e-9;       ///< of the terms of w: the contacts that are closed at t = 0
 constexpr double no_speed = 1e-11;      ///< of the terms of w': less is no speed
 constexpr double same_time = 1e-9;      ///< of a step: contacts that close at once
-constexpr double turned = 1e-6;         ///< of a step: sliding that ends so early has ended there before
+constexpr double brief_turn = 1e-6;         ///< of a step: sliding that ends so early has ended there before
 constexpr double shorter = 64;          ///< parts for the forces while sliding goes on
 constexpr double shortest_flight = 0.125;  ///< of a step, of a bounce that another one follows
 constexpr double kink = 1e-3;              ///< of the slopes of g, which parabolas know up to the square of a step
@@ -52,18 +51,12 @@ ImpactSteps::Look ImpactSteps::look(const SmoothSources& now, double s, const Ve
           rows_.NA.cwiseAbs() * x_size + rows_.N.cwiseAbs() * f_size + dg.cwiseAbs()};
 }
 
-bool ImpactSteps::is_beyond(const SmoothSources& first) const {
-  const Look at = look(first, 0, x_, y_);
-  for (Index i = 0; i < y_.size(); ++i)
-    if (rows_.is(i, Kind::gap) && at.w[i] < -touching_share * at.size[i]) return true;
-  return false;
-}
-
 bool ImpactSteps::start(const SmoothSources& first) {
   const Look at = look(first, 0, x_, y_);
+  const Vector zero = rows_.touching(x_, values(first.g, 0));
   std::vector<Index> gaps;
   for (Index i = 0; i < y_.size(); ++i) {
-    if (!rows_.is(i, Kind::gap) || at.w[i] > touching_share * at.size[i]) continue;
+    if (!rows_.is(i, Kind::gap) || at.w[i] > zero[i]) continue;
     closed_[std::size_t(i)] = at.slope[i] <= no_speed * at.size_of_slope[i];
     if (closed_[std::size_t(i)]) gaps.push_back(i);
   }
@@ -221,7 +214,7 @@ double ImpactSteps::first_turn(const SmoothSources& now, double from, double d, 
     if (rows_.is(i, Kind::speed) && std::abs(begin.w[i]) > size(i) && !goes_on(i, end.w[i])) ends.push_back(i);
   if (ends.empty()) return INFINITY;
   Part brief;
-  for (double length = d / shorter; length > turned * h_; length /= shorter) {
+  for (double length = d / shorter; length > brief_turn * h_; length /= shorter) {
     if (!take(now, from, length, brief)) return INFINITY;
     const Look there = look(now, from + length, brief.x, brief.y);
     if (!std::all_of(ends.begin(), ends.end(), [&](Index i) { return goes_on(i, there.w[i]); })) continue;
@@ -235,7 +228,7 @@ double ImpactSteps::first_turn(const SmoothSources& now, double from, double d, 
       const double sign = begin.w[i] > 0 ? 1 : -1;
       first = std::min(first, first_fall({sign * a.w[i], sign * a.slope[i], sign * b.w[i], sign * b.slope[i]}, d, 0));
     }
-    return first > turned * h_ ? first : INFINITY;
+    return first > brief_turn * h_ ? first : INFINITY;
   }
   return INFINITY;
 }

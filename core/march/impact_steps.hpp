@@ -33,7 +33,7 @@ class ImpactSteps {
   /// The rows have to outlive the steps. `h`: length of the steps.
   ImpactSteps(const ImpactRows&, double h, const Vector& x0);
 
-  /// At t = 0, with the sources behind it. False: x0 is beyond a contact, or the problem of impulses stays unsolved.
+  /// At t = 0, with the sources behind it. False: the problem of impulses stays unsolved.
   bool start(const SmoothSources&);
   /// Steps over these sources, which follow those of the last call. False: unsolved.
   bool pass(const SmoothSources&);
@@ -47,8 +47,6 @@ class ImpactSteps {
   Index impacts() const { return impacts_; }
   double residual() const { return residual_; }  ///< of all problems, relative to their terms
   MarchReport& report() { return report_; }
-  /// Whether x0 is beyond a contact.
-  bool is_beyond(const SmoothSources&) const;
 
  private:
   // Values and slopes of all w, without M y, and the sizes of their terms.

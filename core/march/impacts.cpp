@@ -127,9 +127,9 @@ void march(const DiscreteProblem& p, const Options& options, ImpactSteps& steps,
 std::optional<ImpactRows> rows_of_impacts(const DiscreteProblem& p) {
   std::optional<ImpactRows> rows = impact_rows(p.scene);
   if (!rows || ImpactFlow(rows->A).pieces(p.h) > most_pieces) return std::nullopt;
-  const Vector w = rows->N * p.scene.x0 + p.g.row(0), terms = rows->N.cwiseAbs() * p.scene.x0.cwiseAbs() + p.g.row(0).cwiseAbs();
+  const Vector g = p.g.row(0), w = rows->N * p.scene.x0 + g, zero = rows->touching(p.scene.x0, g);
   for (Index i = 0; i < w.size(); ++i)
-    if (rows->is(i, ImpactRows::Kind::gap) && w[i] < -1e-9 * terms[i]) return std::nullopt;
+    if (rows->is(i, ImpactRows::Kind::gap) && w[i] < -zero[i]) return std::nullopt;
   return rows;
 }
 

@@ -62,7 +62,7 @@ Result for_goal(const Scene& scene, Backend& backend, const InnerOptions& option
 }
 
 constexpr const char* of_impacts =
-    "impacts with restitution are located: use method events or march, or shooting for boundary values";
+    "impacts with restitution are located: use method events, march with given steps, or shooting for boundary values";
 
 constexpr const char* of_memory = "modes with memory are taken by located events alone; use method events";
 
@@ -139,7 +139,7 @@ Result solve_reduced(const Scene& scene, Backend& backend, const InnerOptions& o
     InnerOptions one = options;
     if (!named) one.method = engine.method;
     if (engine.method == Method::automatic && bounces(scene)) {
-      if (named && options.method != Method::march)
+      if (controls_error(options) || (named && options.method != Method::march))
         return unsolved(scene, backend, options, Status::unsupported, of_impacts);
       one.method = Method::march;
     }
