@@ -14,6 +14,7 @@ namespace bromwich {
 namespace {
 
 constexpr double raised_for_lemke = 1e-9;///< of the diagonal, beside entries of 1
+constexpr double rounding_of_problem = 1e-13;  ///< residual
 constexpr double accepted_residual = 1e-10;  ///< residual of what a fallback finds
 
 // The natural map, with unknowns in units of the largest, and rows in units of what that moves. A force that is rounding
@@ -24,20 +25,26 @@ double residual_of(const Matrix& W, const Vector& q, const Vector& z) {
   return w.cwiseQuotient(units).cwiseMin(z / unit).cwiseAbs().maxCoeff();
 }
 
-bool by_lemke(const Matrix& W, const Vector& q, Vector& z) {
+// The linear system of the set {z > 0}, where that is more accurate: pivots leave rounding behind.
+void polish(const Matrix& W, const Vector& q, const std::vector<Index>& S, ImpactSolution& found) {
+  if (S.empty()) return;
   const Equilibration e = equilibrate(W);
-  Matrix larger = scaled(W, e);
-  larger.diagonal().array() += raised_for_lemke;
-  const LemkeOutcome found = lemke(larger, e.rows.cwiseProduct(q));
-  if (!found.solved) return false;
-  const std::vector<Index>& S = found.basis;
-  z = Vector::Zero(q.size());
-  if (S.empty()) return true;
   const Matrix own = scaled(W, e)(S, S);
   const Vector of_S = own.completeOrthogonalDecomposition().solve(Vector(-e.rows.cwiseProduct(q)(S)));
+  Vector z = Vector::Zero(q.size());
   z(S) = of_S;
   z = e.columns.cwiseProduct(z).cwiseMax(0.0);
-  return true;
+  const double residual = residual_of(W, q, z);
+  if (!(residual <= std::max(found.residual, rounding_of_problem))) return;
+  found.z = z;
+  found.residual = residual;
+}
+
+std::vector<Index> positive(const Vector& z) {
+  std::vector<Index> S;
+  for (Index i = 0; i < z.size(); ++i)
+    if (z[i] > 0) S.push_back(i);
+  return S;
 }
 
 }  // namespace
@@ -54,12 +61,18 @@ ImpactSolution solve_impact_problem(ActiveSetLcp& lcp, const Matrix& W, const Ve
   found.newton = outcome.newton, found.fallback = outcome.fallback, found.solved = outcome.solved;
   if (found.solved) {
     found.residual = residual_of(W, q, found.z);
+    if (found.fallback) polish(W, q, positive(found.z), found);
     return found;
   }
   found.fallback = true;
-  found.solved = by_lemke(W, q, found.z);
-  if (!found.solved) return found;
+  const Equilibration e = equilibrate(W);
+  Matrix larger = scaled(W, e);
+  larger.diagonal().array() += raised_for_lemke;
+  const LemkeOutcome pivoted = lemke(larger, e.rows.cwiseProduct(q));
+  if (!pivoted.solved) return found;
+  found.z = e.columns.cwiseProduct(pivoted.y);
   found.residual = residual_of(W, q, found.z);
+  polish(W, q, pivoted.basis, found);
   found.solved = found.residual <= accepted_residual;
   return found;
 }

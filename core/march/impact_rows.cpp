@@ -64,6 +64,25 @@ void take_friction(ImpactRows& r) {
   }
 }
 
+// Of the forces that friction allows, those in the middle add nothing along the contact. False where a gap sees states
+// that forces move.
+bool take_displacements(ImpactRows& r) {
+  Matrix b = Matrix(r.B);
+  for (const ImpactRows::Friction& f : r.friction)
+    for (const Index i : f.normals)
+      for (const Index j : f.forces)
+        b.col(i) -= r.M(f.room, i) / r.M(f.room, j) / (2 * double(f.forces.size())) * Matrix(r.B).col(j);
+  const Vector moved = r.B.cwiseAbs() * Vector::Ones(r.constraints());
+  for (Index i = 0; i < r.constraints(); ++i)
+    if (!r.is(i, Kind::gap))
+      b.col(i).setZero();
+    else if ((Vector(r.N.row(i)).cwiseAbs().array() * moved.array() > 0).any())
+      return false;
+  const Matrix displaced = (moved.array() > 0).select(Vector::Zero(moved.size()), 1.0).matrix().asDiagonal() * (r.A * b);
+  r.onto = displaced.sparseView(0, 0);
+  return true;
+}
+
 }  // namespace
 
 std::vector<Index> ImpactRows::acting(const std::vector<char>& closed, const Vector* bounds) const {
@@ -112,6 +131,7 @@ std::optional<ImpactRows> impact_rows(const Scene& scene) {
   r.NB = Matrix(r.N * r.B);
   if (!take_kinds(r)) return std::nullopt;
   take_friction(r);
+  if (!take_displacements(r)) return std::nullopt;
   Vector gaps(r.constraints());
   for (Index i = 0; i < gaps.size(); ++i) gaps[i] = r.is(i, Kind::gap);
   const Vector others = Vector::Ones(gaps.size()) - gaps;

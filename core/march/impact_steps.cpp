@@ -78,6 +78,16 @@ bool ImpactSteps::pass(const SmoothSources& now) {
     const double d = now.length - from;
     if (count == most_parts || !take(now, from, d, part)) return false;
     Event event = first_event(now, from, d, part);
+    if (std::getenv("DEBUG_PARTS") && (from > 0 || event.at < d)) {
+      std::fprintf(stderr, "part %.10f + %.3e of %.3e, gaps %zu; closed", now.begin + from, event.at, d, event.gaps.size());
+      for (Index i = 0; i < y_.size(); ++i) if (closed_[std::size_t(i)]) std::fprintf(stderr, " %ld", long(i));
+      std::fprintf(stderr, "; w");
+      const Look at = look(now, from, x_, part.y);
+      for (Index i = 0; i < y_.size(); ++i) std::fprintf(stderr, " %.3e", at.w[i]);
+      std::fprintf(stderr, "; y");
+      for (Index i = 0; i < y_.size(); ++i) std::fprintf(stderr, " %.3e", part.y[i]);
+      std::fprintf(stderr, "\n");
+    }
     if (event.at <= same_time * h_) {
       put_back(now, from, event.gaps);
       if (!strike(now, from, event.gaps)) return false;
@@ -89,7 +99,7 @@ bool ImpactSteps::pass(const SmoothSources& now) {
     x_ = part.x, y_ = part.y;
     for (Index i = 0; i < y_.size(); ++i)
       integral_[i] += rows_.is_force[std::size_t(i)] ? part.z[i] : std::min(event.at, d) * y_[i];
-    open(look(now, from, x_, y_), part.z);
+    open(now, from, part.z);
     put_back(now, from, event.gaps);
     if (!event.gaps.empty() && !strike(now, from, event.gaps)) return false;
   }
@@ -138,6 +148,13 @@ bool ImpactSteps::take(const SmoothSources& now, double from, double d, Part& pa
     }
   }
   follow_idle(now, to, part);
+  if (std::getenv("DEBUG_PARTS") && now.begin == 0) {
+    std::fprintf(stderr, "take %.17g rows", d);
+    for (const Index i : part.rows) std::fprintf(stderr, " %ld:%.15g", long(i), part.z[i]);
+    std::fprintf(stderr, "\nx");
+    for (Index i = 0; i < x_.size(); ++i) std::fprintf(stderr, " %.15g", part.x[i]);
+    std::fprintf(stderr, "\n");
+  }
   return true;
 }
 
@@ -163,6 +180,7 @@ bool ImpactSteps::solve(ActiveSetLcp& lcp, const Matrix& W, const Vector& q, Vec
   report_.finite = report_.finite && q.allFinite();
   residual_ = std::max(residual_, found.residual);
   z = found.z;
+  if (!found.solved && std::getenv("DEBUG_PARTS")) std::fprintf(stderr, "UNSOLVED %ld residual %g\n", long(q.size()), found.residual);
   return found.solved;
 }
 
@@ -233,11 +251,20 @@ double ImpactSteps::first_turn(const SmoothSources& now, double from, double d, 
   return INFINITY;
 }
 
-// w'' of gaps with the forces of the last part.
-Vector ImpactSteps::accelerations(const SmoothSources& now, double s) const {
+// -w'' of gaps, with the forces of the last part but those of the contact itself.
+Vector ImpactSteps::falling(const SmoothSources& now, double s) const {
   const Vector rates = rows_.A * x_ + rows_.B * y_ + values(now.f, s);
-  return rows_.NA * rates + rows_.N * slopes(now.f, s) + 2 * now.g.col(2);
+  Vector falls = -(rows_.NA * rates + rows_.N * slopes(now.f, s) + 2 * now.g.col(2));
+  for (Index i = 0; i < y_.size(); ++i)
+    if (rows_.is(i, Kind::gap) && y_[i] > 0) falls[i] += rows_.impulses(i, i) * y_[i];
+  for (const ImpactRows::Friction& f : rows_.friction)
+    for (const Index i : f.normals)
+      for (const Index j : f.forces) falls[i] += rows_.impulses(i, j) * y_[j];
+  return falls;
 }
+
+// Whether a contact that parts with this speed is back soon.
+bool ImpactSteps::is_brief(double speed, double falls) const { return 2 * speed < shortest_flight * h_ * falls; }
 
 // Impulses where these gaps have closed.
 bool ImpactSteps::strike(const SmoothSources& now, double s, const std::vector<Index>& gaps) {
@@ -250,13 +277,13 @@ bool ImpactSteps::strike(const SmoothSources& now, double s, const std::vector<I
   }
   if (!strikes) return true;
   const std::vector<Index> rows = rows_.acting(closed_, nullptr);
-  const Vector falls = -accelerations(now, s);
+  const Vector falls = falling(now, s);
   Vector q(Index(rows.size())), z, bounce = Vector::Zero(y_.size());
   for (Index k = 0; k < q.size(); ++k) {
     const Index i = rows[std::size_t(k)];
     if (rows_.is(i, Kind::gap)) {
       const double rebound = before.slope[i] < -zero[i] ? -rows_.e[i] * before.slope[i] : 0;
-      if (2 * rebound >= shortest_flight * h_ * falls[i]) bounce[i] = rebound;
+      if (!is_brief(rebound, falls[i])) bounce[i] = rebound;
       q[k] = before.slope[i] - bounce[i];
     } else {
       q[k] = rows_.is(i, Kind::speed) ? before.w[i] : 0;
@@ -273,15 +300,19 @@ bool ImpactSteps::strike(const SmoothSources& now, double s, const std::vector<I
   integral_ += p;
   for (Index i = 0; i < y_.size(); ++i)
     if (p[i] > 0 && bounce[i] > zero[i]) closed_[std::size_t(i)] = 0;
-  open(look(now, s, x_, y_), p);
+  open(now, s, p);
   return true;
 }
 
-// Contacts without a force that part are open.
-void ImpactSteps::open(const Look& at, const Vector& z) {
-  for (Index i = 0; i < y_.size(); ++i)
-    if (closed_[std::size_t(i)] && !(z[i] > 0) && at.slope[i] > no_speed * at.size_of_slope[i])
+// Contacts without a force that part for long enough are open.
+void ImpactSteps::open(const SmoothSources& now, double s, const Vector& z) {
+  const Look at = look(now, s, x_, y_);
+  const Vector falls = falling(now, s);
+  for (Index i = 0; i < y_.size(); ++i) {
+    const double speed = at.slope[i];
+    if (closed_[std::size_t(i)] && !(z[i] > 0) && speed > no_speed * at.size_of_slope[i] && !is_brief(speed, falls[i]))
       closed_[std::size_t(i)] = 0;
+  }
 }
 
 // Positions onto the gaps that are closed, these, and what has come below 0.
@@ -296,13 +327,13 @@ void ImpactSteps::put_back(const SmoothSources& now, double s, const std::vector
   if (held.empty()) return;
   if (held != held_) {
     held_ = held;
-    Matrix N(Index(held.size()), x_.size());
-    for (std::size_t k = 0; k < held.size(); ++k) N.row(Index(k)) = N_.row(held[k]);
-    const Matrix gram = N * N.transpose();
-    onto_held_ = gram.completeOrthogonalDecomposition().pseudoInverse();
+    Matrix seen(Index(held.size()), Index(held.size()));
+    for (std::size_t k = 0; k < held.size(); ++k) seen.col(Index(k)) = Vector(rows_.N * rows_.onto.col(held[k]))(held);
+    onto_held_ = seen.completeOrthogonalDecomposition().pseudoInverse();
   }
-  const Vector by = onto_held_ * off(held);
-  for (std::size_t k = 0; k < held.size(); ++k) x_ -= by[Index(k)] * N_.row(held[k]).transpose();
+  Vector by = Vector::Zero(y_.size());
+  by(held) = onto_held_ * off(held);
+  x_ -= rows_.onto * by;
 }
 
 }  // namespace bromwich

@@ -7,8 +7,8 @@
 // with the closed contacts alone, so that their speeds vanish at the end or they open. Positions are put back onto the
 // closed contacts, from which they are off by the cube of the part. Where a contact closes, the same problem with
 // D = B has the impulses p as unknowns and Newton's law: w'+ + e w'- >= 0. What is left behind of y is part of it, and
-// complementary to M p. Where a bounce would last less than an eighth of a step, the contact stays closed: it would rise
-// by less than the square of the step.
+// complementary to M p. Where a contact that parts would be back within an eighth of a step, it stays closed: it would
+// rise by less than the square of the step.
 
 #include "../lcp/active_set.hpp"
 #include "../lcp/march_report.hpp"
@@ -70,9 +70,10 @@ class ImpactSteps {
   double first_turn(const SmoothSources&, double from, double d, const Look& begin, const Look& end, const Part&);
   void follow_idle(const SmoothSources&, double s, Part&) const;
   Vector y_at_begin(const SmoothSources&, const Part&) const;
-  Vector accelerations(const SmoothSources&, double s) const;
+  Vector falling(const SmoothSources&, double s) const;
+  bool is_brief(double speed, double falls) const;
   bool strike(const SmoothSources&, double s, const std::vector<Index>& gaps);
-  void open(const Look&, const Vector& z);
+  void open(const SmoothSources&, double s, const Vector& z);
   void put_back(const SmoothSources&, double s, const std::vector<Index>& more);
 
   const ImpactRows& rows_;
@@ -87,7 +88,7 @@ class ImpactSteps {
   Vector x_, y_, first_, integral_;
   std::vector<char> closed_;
   std::vector<Index> held_;
-  Matrix onto_held_;  ///< pseudoinverse of N N^T of held_
+  Matrix onto_held_;  ///< pseudoinverse of N onto, of held_
   Index impacts_ = 0;
   double residual_ = 0;
   MarchReport report_;
