@@ -46,7 +46,9 @@ void expand(const SparseMatrix& A, double d, const QuadraticColumns& c, Matrix& 
 
 ImpactFlow::ImpactFlow(const SparseMatrix& A) : A_(A), rate_(std::sqrt(norm(SparseMatrix(A * A)))) {}
 
-Index ImpactFlow::pieces(double d) const { return std::max<Index>(1, Index(std::ceil(std::min(1e9, rate_ * d / longest)))); }
+Index ImpactFlow::pieces(double d) const {
+  return std::max<Index>(1, Index(std::ceil(std::min(1e9, rate_ * d / longest))));
+}
 
 void ImpactFlow::advance(double d, const QuadraticColumns& c, Matrix& X) const {
   const Index count = pieces(d);

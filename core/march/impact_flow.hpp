@@ -1,6 +1,6 @@
 #pragma once
-// x' = A x + c0 + c1 s + c2 s^2 from s = 0 to d, by the Taylor series of x on pieces of d that are short beside 1 / |A|.
-// Only products with the sparse A are taken, so that d may be any length.
+// x' = A x + c0 + c1 s + c2 s^2 from s = 0 to d, by the Taylor series of x on pieces of d that are short beside 1 /
+// |A|. Only products with the sparse A are taken, so that d may be any length.
 
 #include "../base/types.hpp"
 

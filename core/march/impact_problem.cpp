@@ -13,12 +13,12 @@ namespace bromwich {
 
 namespace {
 
-constexpr double raised_for_lemke = 1e-9;///< of the diagonal, beside entries of 1
+constexpr double raised_for_lemke = 1e-9;      ///< of the diagonal, beside entries of 1
 constexpr double rounding_of_problem = 1e-13;  ///< residual
-constexpr double accepted_residual = 1e-10;  ///< residual of what a fallback finds
+constexpr double accepted_residual = 1e-10;    ///< residual of what a fallback finds
 
-// The natural map, with unknowns in units of the largest, and rows in units of what that moves. A force that is rounding
-// of larger ones, as where a contact parts, is none.
+// The natural map, with unknowns in units of the largest, and rows in units of what that moves. A force that is
+// rounding of larger ones, as where a contact parts, is none.
 double residual_of(const Matrix& W, const Vector& q, const Vector& z) {
   const double unit = std::max({q.cwiseAbs().maxCoeff(), z.cwiseAbs().maxCoeff(), 1e-290});
   const Vector w = W * z + q, units = unit * (W.cwiseAbs().rowwise().sum().array() + 1);
@@ -78,7 +78,8 @@ ImpactSolution solve_impact_problem(ActiveSetLcp& lcp, const Matrix& W, const Ve
 }
 
 double first_fall(const Cubic& c, double d, double zero) {
-  const double a = c.slope0 * d, rise = c.w1 - c.w0, end = c.slope1 * d, b = 3 * rise - 2 * a - end, e = a + end - 2 * rise;
+  const double a = c.slope0 * d, rise = c.w1 - c.w0, end = c.slope1 * d, b = 3 * rise - 2 * a - end,
+               e = a + end - 2 * rise;
   const auto at = [&](double s) { return s == 1 ? c.w1 : c.w0 + s * (a + s * (b + s * e)); };
   std::vector<double> ends{0};  // of intervals on which it rises or falls
   const double root = b * b - 3 * e * a;

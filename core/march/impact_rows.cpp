@@ -14,8 +14,8 @@ namespace {
 using Kind = ImpactRows::Kind;
 
 constexpr double rounding_of_NB = 64 * epsilon;  ///< of the terms of N B
-constexpr double raised_for_P = 1e-9;      ///< of the diagonal, beside entries of 1
-constexpr Index most_exact = 16;           ///< rows whose principal minors are all computed
+constexpr double raised_for_P = 1e-9;            ///< of the diagonal, beside entries of 1
+constexpr Index most_exact = 16;                 ///< rows whose principal minors are all computed
 
 bool take_matrices(const Scene& scene, ImpactRows& r) {
   if (const DenseDynamics* d = scene.dynamics->small_state()) {
@@ -78,7 +78,8 @@ bool take_displacements(ImpactRows& r) {
       b.col(i).setZero();
     else if ((Vector(r.N.row(i)).cwiseAbs().array() * moved.array() > 0).any())
       return false;
-  const Matrix displaced = (moved.array() > 0).select(Vector::Zero(moved.size()), 1.0).matrix().asDiagonal() * (r.A * b);
+  const Matrix displaced =
+      (moved.array() > 0).select(Vector::Zero(moved.size()), 1.0).matrix().asDiagonal() * (r.A * b);
   r.onto = displaced.sparseView(0, 0);
   return true;
 }
@@ -89,7 +90,8 @@ std::vector<Index> ImpactRows::acting(const std::vector<char>& closed, const Vec
   std::vector<char> acts(kind.size());
   for (std::size_t i = 0; i < kind.size(); ++i) acts[i] = kind[i] != Kind::gap || closed[i];
   for (const Friction& f : friction) {
-    const bool driven = std::any_of(f.normals.begin(), f.normals.end(), [&](Index i) { return closed[std::size_t(i)]; });
+    const bool driven =
+        std::any_of(f.normals.begin(), f.normals.end(), [&](Index i) { return closed[std::size_t(i)]; });
     if (driven || (bounds && (*bounds)[f.room] != 0)) continue;
     acts[std::size_t(f.room)] = 0;
     for (const Index j : f.forces) acts[std::size_t(j)] = 0;

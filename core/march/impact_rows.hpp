@@ -6,7 +6,8 @@
 //     kind    w                              its problem at the end of the part
 //     gap     N x + g, N B = 0, M = 0        0 <= z  ⊥  w' = N A x + N f + g'       while the contact is closed
 //     speed   N x + M y + g, M of forces 0   0 <= z  ⊥  w                           sliding, relays
-//     room    M y + g, M of others 0         0 <= z  ⊥  M z + d (mean of g)         what is left of the bound of friction
+//     room    M y + g, M of others 0         0 <= z  ⊥  M z + d (mean of g)         what is left of the bound of
+//     friction
 //
 // x at the end is x_free + D z, so that the matrix M + [N A; N; 0] D has a limit as d -> 0: that of impulses.
 
@@ -26,10 +27,10 @@ struct ImpactRows {
 
   SparseMatrix A, B, N, NA;  ///< NA = N A
   SparseMatrix speeds;       ///< N A for gaps, N for the others
-  SparseMatrix onto;         ///< m x n: displacements that open gaps, in the direction of normal forces without friction
-  Matrix M, NB;              ///< n x n; rows of gaps of NB are zero
-  Matrix impulses;           ///< n x n: of problems of length 0, M + speeds B
-  Vector e;                  ///< n: coefficients of restitution
+  SparseMatrix onto;  ///< m x n: displacements that open gaps, in the direction of normal forces without friction
+  Matrix M, NB;       ///< n x n; rows of gaps of NB are zero
+  Matrix impulses;    ///< n x n: of problems of length 0, M + speeds B
+  Vector e;           ///< n: coefficients of restitution
   std::vector<Kind> kind;
   std::vector<char> is_force;  ///< y_i moves the state
 
@@ -50,8 +51,9 @@ struct ImpactRows {
   bool have_one_solution() const;
 };
 
-/// Nothing where the scene does not state coefficients of restitution (which may be 0) of rigid contacts, or has rows of
-/// other kinds, gaps of states that forces move directly, boundary values, free rows, or dynamics without matrices or with a mass matrix.
+/// Nothing where the scene does not state coefficients of restitution (which may be 0) of rigid contacts, or has rows
+/// of other kinds, gaps of states that forces move directly, boundary values, free rows, or dynamics without matrices
+/// or with a mass matrix.
 std::optional<ImpactRows> impact_rows(const Scene&);
 
 }  // namespace bromwich

@@ -13,10 +13,10 @@ namespace {
 
 using Kind = ImpactRows::Kind;
 
-constexpr double no_speed = 1e-11;      ///< of the terms of w': less is no speed
-constexpr double same_time = 1e-9;      ///< of a step: contacts that close at once
-constexpr double brief_turn = 1e-6;         ///< of a step: sliding that ends so early has ended there before
-constexpr double shorter = 64;          ///< parts for the forces while sliding goes on
+constexpr double no_speed = 1e-11;         ///< of the terms of w': less is no speed
+constexpr double same_time = 1e-9;         ///< of a step: contacts that close at once
+constexpr double brief_turn = 1e-6;        ///< of a step: sliding that ends so early has ended there before
+constexpr double shorter = 64;             ///< parts for the forces while sliding goes on
 constexpr double shortest_flight = 0.125;  ///< of a step, of a bounce that another one follows
 constexpr double kink = 1e-3;              ///< of the slopes of g, which parabolas know up to the square of a step
 constexpr Index most_parts = 1024;         ///< of a step
@@ -46,8 +46,7 @@ ImpactSteps::ImpactSteps(const ImpactRows& rows, double h, const Vector& x0)
 ImpactSteps::Look ImpactSteps::look(const SmoothSources& now, double s, const Vector& x, const Vector& y) const {
   const Vector f = values(now.f, s), g = values(now.g, s), dg = slopes(now.g, s);
   const Vector x_size = x.cwiseAbs(), f_size = f.cwiseAbs();
-  return {rows_.N * x + g, rows_.NA * x + rows_.N * f + rows_.NB * y + dg,
-          rows_.N.cwiseAbs() * x_size + g.cwiseAbs(),
+  return {rows_.N * x + g, rows_.NA * x + rows_.N * f + rows_.NB * y + dg, rows_.N.cwiseAbs() * x_size + g.cwiseAbs(),
           rows_.NA.cwiseAbs() * x_size + rows_.N.cwiseAbs() * f_size + dg.cwiseAbs()};
 }
 
@@ -78,16 +77,6 @@ bool ImpactSteps::pass(const SmoothSources& now) {
     const double d = now.length - from;
     if (count == most_parts || !take(now, from, d, part)) return false;
     Event event = first_event(now, from, d, part);
-    if (std::getenv("DEBUG_PARTS") && (from > 0 || event.at < d)) {
-      std::fprintf(stderr, "part %.10f + %.3e of %.3e, gaps %zu; closed", now.begin + from, event.at, d, event.gaps.size());
-      for (Index i = 0; i < y_.size(); ++i) if (closed_[std::size_t(i)]) std::fprintf(stderr, " %ld", long(i));
-      std::fprintf(stderr, "; w");
-      const Look at = look(now, from, x_, part.y);
-      for (Index i = 0; i < y_.size(); ++i) std::fprintf(stderr, " %.3e", at.w[i]);
-      std::fprintf(stderr, "; y");
-      for (Index i = 0; i < y_.size(); ++i) std::fprintf(stderr, " %.3e", part.y[i]);
-      std::fprintf(stderr, "\n");
-    }
     if (event.at <= same_time * h_) {
       put_back(now, from, event.gaps);
       if (!strike(now, from, event.gaps)) return false;
@@ -148,13 +137,6 @@ bool ImpactSteps::take(const SmoothSources& now, double from, double d, Part& pa
     }
   }
   follow_idle(now, to, part);
-  if (std::getenv("DEBUG_PARTS") && now.begin == 0) {
-    std::fprintf(stderr, "take %.17g rows", d);
-    for (const Index i : part.rows) std::fprintf(stderr, " %ld:%.15g", long(i), part.z[i]);
-    std::fprintf(stderr, "\nx");
-    for (Index i = 0; i < x_.size(); ++i) std::fprintf(stderr, " %.15g", part.x[i]);
-    std::fprintf(stderr, "\n");
-  }
   return true;
 }
 
@@ -180,7 +162,6 @@ bool ImpactSteps::solve(ActiveSetLcp& lcp, const Matrix& W, const Vector& q, Vec
   report_.finite = report_.finite && q.allFinite();
   residual_ = std::max(residual_, found.residual);
   z = found.z;
-  if (!found.solved && std::getenv("DEBUG_PARTS")) std::fprintf(stderr, "UNSOLVED %ld residual %g\n", long(q.size()), found.residual);
   return found.solved;
 }
 

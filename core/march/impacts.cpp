@@ -63,7 +63,8 @@ class SourcesOfSteps {
   }
 
   SmoothSources smooth(Index j, bool breaks) const {
-    SmoothSources s{p_.t[j - 1], p_.h, Matrix::Zero(p_.scene.states(), 3), Matrix::Zero(p_.scene.constraints(), 3), breaks};
+    SmoothSources s{p_.t[j - 1], p_.h, Matrix::Zero(p_.scene.states(), 3), Matrix::Zero(p_.scene.constraints(), 3),
+                    breaks};
     if (p_.f.size() > 0) s.f = F_ * parabola(p_.f.row(j - 1), f_.row(j - 1), p_.f.row(j), p_.h);
     if (p_.scene.g) s.g = parabola(p_.g.row(j - 1), g_.row(j - 1), p_.g.row(j), p_.h);
     return s;
@@ -131,6 +132,15 @@ std::optional<ImpactRows> rows_of_impacts(const DiscreteProblem& p) {
   for (Index i = 0; i < w.size(); ++i)
     if (rows->is(i, ImpactRows::Kind::gap) && w[i] < -zero[i]) return std::nullopt;
   return rows;
+}
+
+bool bounces(const DiscreteProblem& p) { return (p.scene.restitution.array() > 0).any(); }
+
+void refuse_impacts(Result& result) {
+  result.status = Status::unsupported;
+  result.reason =
+      "steps over impacts with restitution take rigid contacts with friction, from states that are not beyond one, and "
+      "steps that are not long beside the fastest mode; use more steps or method events";
 }
 
 void solve_over_impacts(const DiscreteProblem& p, const ImpactRows& rows, const Options& options, Result& result) {

@@ -13,6 +13,11 @@ namespace bromwich {
 /// step is very long beside 1 / |A|.
 std::optional<ImpactRows> rows_of_impacts(const DiscreteProblem&);
 
+/// Whether coefficients are above 0, so that other steps would take impacts as without.
+bool bounces(const DiscreteProblem&);
+/// Where such a scene has no rows.
+void refuse_impacts(Result&);
+
 /// Fills the result as solve_by_stages does.
 void solve_over_impacts(const DiscreteProblem&, const ImpactRows&, const Options&, Result&);
 

@@ -30,13 +30,6 @@ void refuse(const std::string& why, Result& result) {
   result.reason = why + "; use method march or euler";
 }
 
-void refuse_impacts(Result& result) {
-  result.status = Status::unsupported;
-  result.reason =
-      "steps over impacts with restitution take rigid contacts with friction, from states that are not beyond one, and "
-      "steps that are not long beside the fastest mode; use more steps or method events";
-}
-
 constexpr double most_surplus = 0.25, told_surplus = 0.04;  ///< of the integral of y, from the start (surplus_of_start)
 constexpr Index largest_divided = 512;  ///< constraints, of steps in stages that are divided at jumps of g
 
@@ -177,11 +170,9 @@ std::optional<ScanPlan> Methods::plan_of_march(const InnerOptions& options) cons
 }
 
 void Methods::march(const InnerOptions& options, Result& result) {
-  const bool bounces = (problem_.scene.restitution.array() > 0).any();
-  if (bounces || !options.compares_grids) {
-    if (const std::optional<ImpactRows> rows = rows_of_impacts(problem_)) return step_over_impacts(*rows, options, result);
-    if (bounces) return refuse_impacts(result);
-  }
+  if (!options.compares_grids || bounces(problem_))
+    if (const auto rows = rows_of_impacts(problem_)) return step_over_impacts(*rows, options, result);
+  if (bounces(problem_)) return refuse_impacts(result);
   const std::optional<ScanPlan> plan = plan_of_march(options);
   const ScanPlan* const by_pieces = plan ? &*plan : nullptr;
   // Where stepping the state costs a solve a step, only what would ring keeps it from the weights.
@@ -273,8 +264,7 @@ bool Methods::divides_in_stages() const {
 
 // Small states are recorded whole, and the requested components are taken from them.
 void Methods::step_in_stages(Index stages, const InnerOptions& options, Result& result, const ScanPlan* plan) {
-  const Index m = problem_.scene.states();
-  if (m > most_recorded_states)
+  if (problem_.scene.states() > most_recorded_states)
     return solve_by_stages(problem_, stages, options, result, stages == 2 ? operator_->poles() : nullptr, plan);
   solve_by_stages(with_all_components(problem_), stages, options, result, nullptr, plan);
   keep_recorded(result);
@@ -295,8 +285,7 @@ void Methods::keep_recorded(Result& result) {
 
 // Cycles in w at the stages record all of a small state.
 void Methods::keep_all_states(Result& result) {
-  const Index m = problem_.scene.states();
-  if (!result.continuous && m <= most_recorded_states) keep_recorded(result);
+  if (!result.continuous && problem_.scene.states() <= most_recorded_states) keep_recorded(result);
 }
 
 bool Methods::has_small_dense_state(const Scene& scene) {
