@@ -109,10 +109,11 @@ std::vector<Method> methods_of(const Scene& given, const Scene& scene, const Bac
                                const Options& options, Index J, std::string& refusal) {
   if (const bool bounces = (given.restitution.array() > 0).any(); bounces || !given.memories.empty()) {
     const Method only = given.boundary ? Method::shooting : Method::events;
-    if (options.method != Method::automatic && options.method != only)
+    const bool steps = bounces && !given.boundary && options.method == Method::march;
+    if (options.method != Method::automatic && options.method != only && !steps)
       refusal = fmt::format("{}: method {} takes them", bounces ? "impacts with restitution" : "modes with memory",
                             to_string(only));
-    return {only};
+    return {steps ? Method::march : only};
   }
   const bool singular = !given.boundary && !given.free_rows.empty() && !can_eliminate_free(given);
   if (given.boundary || singular) {

@@ -29,7 +29,7 @@ const DenseDynamics& dense_of(const Scene& scene) {
   const auto refuse = [](const std::string& found, const std::string& remedy) { throw Error("scene", found, remedy); };
   scene.validate();
   if (scene.boundary) refuse("has boundary values", "use solve, which takes them");
-  if (scene.restitution.size() > 0) refuse("has restitution", "use solve_batch");
+  if ((scene.restitution.array() > 0).any()) refuse("has restitution", "use solve_batch");
   if (!scene.memories.empty()) refuse("has modes with memory", "use solve_batch");
   if (!scene.free_rows.empty()) refuse("has free rows", "use solve, which eliminates them");
   const DenseDynamics* dense = scene.dynamics->small_state();

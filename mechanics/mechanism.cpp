@@ -257,11 +257,16 @@ void set_names(const Mechanism& m, Scene& scene) {
   }
 }
 
+// Of scenes with rigid contacts, though all may be 0.
 Vector restitutions(const Mechanism& m, Index n) {
   Vector e = Vector::Zero(n);
-  for (std::size_t i = 0; i < m.contacts.size(); ++i)
-    if (m.rows[i].normal >= 0) e[m.rows[i].normal] = m.contacts[i].restitution;
-  return e.isZero(0) ? Vector() : e;
+  bool rigid = false;
+  for (std::size_t i = 0; i < m.contacts.size(); ++i) {
+    if (m.rows[i].normal < 0) continue;
+    e[m.rows[i].normal] = m.contacts[i].restitution;
+    rigid = rigid || m.contacts[i].kn == 0;
+  }
+  return rigid ? e : Vector();
 }
 
 void set_conditions(const Structure& s, Index states, Scene& scene) {

@@ -52,7 +52,7 @@ void NonlinearScene::validate() const {
   if (linear.dynamics->has_mass())
     throw Error("dynamics", "the linear part has a mass matrix", "multiply the equations by its inverse");
   if (linear.boundary) throw Error("boundary", "the linear part has boundary values", "give x0");
-  if (linear.restitution.size() > 0)
+  if ((linear.restitution.array() > 0).any())
     throw Error("restitution", "is given to a nonlinear scene", "leave it out: its impacts are inelastic");
   if (!linear.memories.empty()) throw Error("memories", "are given to a nonlinear scene", "leave them out");
   if (!linear.free_rows.empty()) throw Error("free_rows", "the linear part has free rows", "eliminate them");

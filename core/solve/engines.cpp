@@ -35,7 +35,7 @@ Vector start_by_galerkin(const Scene& scene, Backend& backend, const InnerOption
 
 bool ends(const Result& r) { return r.status == Status::solved || r.status == Status::interrupted; }
 
-// Impacts with restitution are located: steps would take them as without.
+// Impacts with restitution are located: other steps than those of march would take them as without.
 bool bounces(const Scene& scene) { return (scene.restitution.array() > 0).any(); }
 // So are modes with memory.
 bool remembers(const Scene& scene) { return !scene.memories.empty(); }
@@ -62,7 +62,7 @@ Result for_goal(const Scene& scene, Backend& backend, const InnerOptions& option
 }
 
 constexpr const char* of_impacts =
-    "impacts with restitution are taken by located events alone; use method events, or shooting for boundary values";
+    "impacts with restitution are located: use method events, march with given steps, or shooting for boundary values";
 
 constexpr const char* of_memory = "modes with memory are taken by located events alone; use method events";
 
@@ -83,7 +83,7 @@ std::string not_impacts(const Scene& scene) {
 }
 
 std::string not_on_steps(const Scene& scene) {
-  if (std::string why = not_impacts(scene); !why.empty()) return why;
+  if (remembers(scene)) return of_memory;
   if (scene.boundary)
     return "it needs initial values and the scene has boundary values; use method shooting or galerkin";
   if (!scene.free_rows.empty() && !can_eliminate_free(scene))
@@ -138,6 +138,11 @@ Result solve_reduced(const Scene& scene, Backend& backend, const InnerOptions& o
     }
     InnerOptions one = options;
     if (!named) one.method = engine.method;
+    if (engine.method == Method::automatic && bounces(scene)) {
+      if (controls_error(options) || (named && options.method != Method::march))
+        return unsolved(scene, backend, options, Status::unsupported, of_impacts);
+      one.method = Method::march;
+    }
     if (!before.empty()) one.max_steps = std::min(one.max_steps, most_after_shooting);
     try {
       Result next = engine.run(scene, backend, one);

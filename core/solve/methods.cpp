@@ -8,6 +8,7 @@
 #include "core/kernel/discretise.hpp"
 #include "core/kernel/operators.hpp"
 #include "core/kernel/pole_plans.hpp"
+#include "core/march/impacts.hpp"
 #include "core/march/marching.hpp"
 #include "core/march/split.hpp"
 #include "core/march/stages.hpp"
@@ -49,6 +50,13 @@ std::string never_contracts(const DiscreteProblem& p, TimeOperator& op) {
   if (first.size() != n || !(first.array() >= own.array()).all()) return "";
   const std::string why = "no contact settles in sweeps: the first lag W_0 of the kernel outweighs M in every row";
   return own.minCoeff() > 0 ? why + text(", by %.2g and more", (first.array() / own.array()).minCoeff()) : why;
+}
+
+DiscreteProblem with_all_components(const DiscreteProblem& given) {
+  DiscreteProblem p = given;
+  p.components.resize(std::size_t(p.scene.states()));
+  std::iota(p.components.begin(), p.components.end(), Index(0));
+  return p;
 }
 
 }  // namespace
@@ -162,6 +170,9 @@ std::optional<ScanPlan> Methods::plan_of_march(const InnerOptions& options) cons
 }
 
 void Methods::march(const InnerOptions& options, Result& result) {
+  if (!options.compares_grids || bounces(problem_))
+    if (const auto rows = rows_of_impacts(problem_)) return step_over_impacts(*rows, options, result);
+  if (bounces(problem_)) return refuse_impacts(result);
   const std::optional<ScanPlan> plan = plan_of_march(options);
   const ScanPlan* const by_pieces = plan ? &*plan : nullptr;
   // Where stepping the state costs a solve a step, only what would ring keeps it from the weights.
@@ -253,24 +264,28 @@ bool Methods::divides_in_stages() const {
 
 // Small states are recorded whole, and the requested components are taken from them.
 void Methods::step_in_stages(Index stages, const InnerOptions& options, Result& result, const ScanPlan* plan) {
-  const Index m = problem_.scene.states();
-  if (m > most_recorded_states)
+  if (problem_.scene.states() > most_recorded_states)
     return solve_by_stages(problem_, stages, options, result, stages == 2 ? operator_->poles() : nullptr, plan);
-  DiscreteProblem p = problem_;
-  p.components.resize(std::size_t(m));
-  std::iota(p.components.begin(), p.components.end(), Index(0));
-  solve_by_stages(p, stages, options, result, nullptr, plan);
-  if (result.x.cols() != m) return;
+  solve_by_stages(with_all_components(problem_), stages, options, result, nullptr, plan);
+  keep_recorded(result);
+}
+
+void Methods::step_over_impacts(const ImpactRows& rows, const InnerOptions& options, Result& result) {
+  if (problem_.scene.states() > most_recorded_states) return solve_over_impacts(problem_, rows, options, result);
+  solve_over_impacts(with_all_components(problem_), rows, options, result);
+  keep_recorded(result);
+}
+
+// All of a small state are recorded: the requested components of them.
+void Methods::keep_recorded(Result& result) {
+  if (result.x.cols() != problem_.scene.states()) return;
   stage_states_ = std::move(result.x);
   result.x = stage_states_(Eigen::all, problem_.components);
 }
 
 // Cycles in w at the stages record all of a small state.
 void Methods::keep_all_states(Result& result) {
-  const Index m = problem_.scene.states();
-  if (result.continuous || m > most_recorded_states || result.x.cols() != m) return;
-  stage_states_ = std::move(result.x);
-  result.x = stage_states_(Eigen::all, problem_.components);
+  if (!result.continuous && problem_.scene.states() <= most_recorded_states) keep_recorded(result);
 }
 
 bool Methods::has_small_dense_state(const Scene& scene) {

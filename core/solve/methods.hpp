@@ -4,6 +4,7 @@
 #include "../kernel/prepared_method.hpp"
 #include "../kernel/shared_dynamics.hpp"
 #include "../kernel/time_operator.hpp"
+#include "../march/impact_rows.hpp"
 #include "../result/inner_options.hpp"
 #include "../result/result.hpp"
 #include "../scan/chunk_scan.hpp"
@@ -60,6 +61,8 @@ class Methods {
   void judge_start(Method, Result&) const;
   bool divides_in_stages() const;
   void step_in_stages(Index stages, const InnerOptions&, Result&, const ScanPlan* plan = nullptr);
+  void step_over_impacts(const ImpactRows&, const InnerOptions&, Result&);
+  void keep_recorded(Result&);
   void step_by_euler(const InnerOptions&, Result&);
   void iterate(const InnerOptions&, Result&);
   void iterate_literally(const InnerOptions&, Result&);

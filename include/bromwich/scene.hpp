@@ -62,7 +62,8 @@ struct Scene {
   Vector x0;                         ///< m; empty with a boundary condition
   std::optional<BoundaryCondition> boundary;
   /// n coefficients e_i in [0, 1] of Newton's law of impact, or empty: 0. Where w_i reaches 0 with w_i' < 0, it leaves
-  /// with w_i'+ = -e_i w_i'-. For rigid contact: y acts on the second derivative of w_i. Method events takes it.
+  /// with w_i'+ = -e_i w_i'-. For rigid contact: y acts on the second derivative of w_i. Methods events, shooting and
+  /// march (given steps) take it. March locates the impacts of all scenes that state it, with e = 0 too.
   Vector restitution;
   /// Elements with memory. Method events takes them, and for periodic states shooting.
   std::vector<Memory> memories;

@@ -43,7 +43,7 @@ class Scene:
         free: rows i of mixed problems, with w_i = 0 and y_i of either sign.
         lcp_class: ``"auto"``, ``"P"``, ``"Z"`` or ``"PSD"``, what is known of M.
         restitution: coefficients e of Newton's law of impact, in [0, 1], n values or one for all: where w_i reaches 0, it leaves
-            with -e times its velocity. For rows of rigid contact; solved by located events. None: 0.
+            with -e times its velocity. For rows of rigid contact; by methods events and, with steps, march. None: 0.
         breakpoints: times in [0, T] at which f or g may jump or have a kink. Others are searched in functions.
         parameters: names and values for expressions.
         steps: time steps J of a solve that names neither steps nor ``tol``; None: those of a table, and without one such a

@@ -176,8 +176,8 @@ TEST(Restitution, SoftImpactsAreThoseWithout) {
 }
 
 TEST(Restitution, OtherMethodsRefuse) {
-  for (const Method m : {Method::march, Method::euler, Method::dual, Method::contour, Method::multigrid,
-                         Method::galerkin, Method::shooting}) {
+  for (const Method m :
+       {Method::euler, Method::dual, Method::contour, Method::multigrid, Method::galerkin, Method::shooting}) {
     Options o;
     o.method = m;
     o.steps = 50;

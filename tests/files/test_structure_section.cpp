@@ -48,7 +48,7 @@ TEST(StructureSection, IsTheStructureStatedInCpp) {
 TEST(StructureSection, ParametersAndNamesOfTheFile) {
   const SceneFile other =
       parse_sections(on_a_belt + "[names]\nx = [\"a\", \"b\", \"c\", \"d\"]\n", {{"e", 0}, {"T", 4}});
-  EXPECT_EQ(other.scene.restitution.size(), 0);
+  EXPECT_TRUE(other.scene.restitution.isZero(0));
   EXPECT_EQ(other.scene.T, 4);
   EXPECT_EQ(other.scene.names.x, (std::vector<std::string>{"a", "b", "c", "d"}));
   EXPECT_EQ(parse_sections(on_a_belt).scene.names.x, (std::vector<std::string>{"q0", "q1", "v_q0", "v_q1"}));

@@ -1,0 +1,145 @@
+#include "core/march/impact_rows.hpp"
+
+#include "core/lcp/lcp_class.hpp"
+#include "core/numerics/components.hpp"
+#include "core/numerics/equilibration.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace bromwich {
+
+namespace {
+
+using Kind = ImpactRows::Kind;
+
+constexpr double rounding_of_NB = 64 * epsilon;  ///< of the terms of N B
+constexpr double raised_for_P = 1e-9;            ///< of the diagonal, beside entries of 1
+constexpr Index most_exact = 16;                 ///< rows whose principal minors are all computed
+
+bool take_matrices(const Scene& scene, ImpactRows& r) {
+  if (const DenseDynamics* d = scene.dynamics->small_state()) {
+    if (d->E.size() > 0) return false;
+    r.A = d->A.sparseView(0, 0), r.B = d->B.sparseView(0, 0), r.N = d->N.sparseView(0, 0);
+    return true;
+  }
+  const SparseDynamics* s = scene.dynamics->matrices();
+  if (!s || s->E.rows() > 0) return false;
+  r.A = s->A, r.B = s->B, r.N = s->N;
+  return true;
+}
+
+// Whether all rows are of the three kinds, and at least one is a gap.
+bool take_kinds(ImpactRows& r) {
+  const Index n = r.constraints();
+  const Matrix terms = Matrix(SparseMatrix(r.N.cwiseAbs() * r.B.cwiseAbs())), accelerations = Matrix(r.NA * r.B);
+  const Vector of_N = r.N.cwiseAbs() * Vector::Ones(r.states()),
+               of_B = r.B.cwiseAbs().transpose() * Vector::Ones(r.states());
+  r.NB = (r.NB.cwiseAbs().array() > rounding_of_NB * terms.array()).select(r.NB, 0.0);
+  for (Index j = 0; j < n; ++j) r.is_force.push_back(of_B[j] > 0);
+  for (Index i = 0; i < n; ++i) {
+    Vector of_forces = r.M.row(i).transpose(), of_others = of_forces;
+    for (Index j = 0; j < n; ++j) (r.is_force[std::size_t(j)] ? of_others : of_forces)[j] = 0;
+    const bool rigid = r.M.row(i).isZero(0) && r.NB.row(i).isZero(0);
+    Kind kind = Kind::speed;
+    if (of_N[i] == 0)
+      kind = Kind::room;
+    else if (rigid)
+      kind = Kind::gap;
+    const bool fits = kind == Kind::room  ? of_others.isZero(0) && !r.is_force[std::size_t(i)]
+                      : kind == Kind::gap ? accelerations(i, i) > 0 && r.is_force[std::size_t(i)]
+                                          : of_forces.isZero(0) && r.is_force[std::size_t(i)];
+    if (!fits) return false;
+    r.kind.push_back(kind);
+  }
+  return std::find(r.kind.begin(), r.kind.end(), Kind::gap) != r.kind.end();
+}
+
+void take_friction(ImpactRows& r) {
+  for (Index i = 0; i < r.constraints(); ++i) {
+    if (!r.is(i, Kind::room)) continue;
+    ImpactRows::Friction& f = r.friction.emplace_back(ImpactRows::Friction{i, {}, {}});
+    for (Index j = 0; j < r.constraints(); ++j)
+      if (r.M(i, j) != 0) (r.M(i, j) > 0 ? f.normals : f.forces).push_back(j);
+  }
+}
+
+// Of the forces that friction allows, those in the middle add nothing along the contact. False where a gap sees states
+// that forces move.
+bool take_displacements(ImpactRows& r) {
+  Matrix b = Matrix(r.B);
+  for (const ImpactRows::Friction& f : r.friction)
+    for (const Index i : f.normals)
+      for (const Index j : f.forces)
+        b.col(i) -= r.M(f.room, i) / r.M(f.room, j) / (2 * double(f.forces.size())) * Matrix(r.B).col(j);
+  const Vector moved = r.B.cwiseAbs() * Vector::Ones(r.constraints());
+  for (Index i = 0; i < r.constraints(); ++i)
+    if (!r.is(i, Kind::gap))
+      b.col(i).setZero();
+    else if ((Vector(r.N.row(i)).cwiseAbs().array() * moved.array() > 0).any())
+      return false;
+  const Matrix displaced =
+      (moved.array() > 0).select(Vector::Zero(moved.size()), 1.0).matrix().asDiagonal() * (r.A * b);
+  r.onto = displaced.sparseView(0, 0);
+  return true;
+}
+
+}  // namespace
+
+std::vector<Index> ImpactRows::acting(const std::vector<char>& closed, const Vector* bounds) const {
+  std::vector<char> acts(kind.size());
+  for (std::size_t i = 0; i < kind.size(); ++i) acts[i] = kind[i] != Kind::gap || closed[i];
+  for (const Friction& f : friction) {
+    const bool driven =
+        std::any_of(f.normals.begin(), f.normals.end(), [&](Index i) { return closed[std::size_t(i)]; });
+    if (driven || (bounds && (*bounds)[f.room] != 0)) continue;
+    acts[std::size_t(f.room)] = 0;
+    for (const Index j : f.forces) acts[std::size_t(j)] = 0;
+  }
+  std::vector<Index> rows;
+  for (std::size_t i = 0; i < acts.size(); ++i)
+    if (acts[i]) rows.push_back(Index(i));
+  return rows;
+}
+
+Vector ImpactRows::touching(const Vector& x, const Vector& g) const {
+  constexpr double of_terms = 1e-9, of_states = 1e-12;
+  const Vector size = x.cwiseAbs();
+  const double largest = size.size() > 0 ? size.maxCoeff() : 0;
+  return of_terms * (N.cwiseAbs() * size + g.cwiseAbs()) +
+         of_states * largest * (N.cwiseAbs() * Vector::Ones(x.size()));
+}
+
+bool ImpactRows::have_one_solution() const {
+  const auto joined = [&](Index i, Index j) { return impulses(i, j) != 0 || impulses(j, i) != 0; };
+  for (const auto& rows : connected_components(constraints(), joined, [](Index, Index) {})) {
+    if (Index(rows.size()) > most_exact) return false;
+    const Matrix part = impulses(rows, rows);
+    Matrix scaled_part = scaled(part, equilibrate(part));
+    scaled_part.diagonal().array() += raised_for_P;
+    if (!is_P_exact(scaled_part)) return false;
+  }
+  return true;
+}
+
+std::optional<ImpactRows> impact_rows(const Scene& scene) {
+  ImpactRows r;
+  if (scene.restitution.size() == 0 || scene.boundary || !scene.free_rows.empty() || !scene.memories.empty())
+    return std::nullopt;
+  if (!take_matrices(scene, r)) return std::nullopt;
+  r.M = to_dense(scene.M);
+  r.e = scene.restitution;
+  r.NA = r.N * r.A;
+  r.NB = Matrix(r.N * r.B);
+  if (!take_kinds(r)) return std::nullopt;
+  take_friction(r);
+  if (!take_displacements(r)) return std::nullopt;
+  Vector gaps(r.constraints());
+  for (Index i = 0; i < gaps.size(); ++i) gaps[i] = r.is(i, Kind::gap);
+  const Vector others = Vector::Ones(gaps.size()) - gaps;
+  r.speeds = SparseMatrix(gaps.asDiagonal() * r.NA) + SparseMatrix(others.asDiagonal() * r.N);
+  r.impulses = r.M + Matrix(r.speeds * r.B);
+  return r;
+}
+
+}  // namespace bromwich

@@ -1,0 +1,320 @@
+#include "core/march/impact_steps.hpp"
+
+#include "core/march/impact_problem.hpp"
+
+#include <Eigen/QR>
+
+#include <algorithm>
+#include <cmath>
+
+namespace bromwich {
+
+namespace {
+
+using Kind = ImpactRows::Kind;
+
+constexpr double no_speed = 1e-11;         ///< of the terms of w': less is no speed
+constexpr double same_time = 1e-9;         ///< of a step: contacts that close at once
+constexpr double brief_turn = 1e-6;        ///< of a step: sliding that ends so early has ended there before
+constexpr double shorter = 64;             ///< parts for the forces while sliding goes on
+constexpr double shortest_flight = 0.125;  ///< of a step, of a bounce that another one follows
+constexpr double kink = 1e-3;              ///< of the slopes of g, which parabolas know up to the square of a step
+constexpr Index most_parts = 1024;         ///< of a step
+
+double value(const Matrix& c, Index i, double s) { return c(i, 0) + s * (c(i, 1) + s * c(i, 2)); }
+Vector values(const Matrix& c, double s) { return c.col(0) + s * (c.col(1) + s * c.col(2)); }
+Vector slopes(const Matrix& c, double s) { return c.col(1) + 2 * s * c.col(2); }
+Vector means(const Matrix& c, double from, double to) {
+  return c.col(0) + (from + to) / 2 * c.col(1) + (from * from + from * to + to * to) / 3 * c.col(2);
+}
+
+QuadraticColumns from_there(const Matrix& c, double s) { return {values(c, s), slopes(c, s), c.col(2)}; }
+
+}  // namespace
+
+ImpactSteps::ImpactSteps(const ImpactRows& rows, double h, const Vector& x0)
+    : rows_(rows),
+      flow_(rows.A),
+      h_(h),
+      N_(rows.N),
+      response_(flow_, rows.B, rows.speeds, h),
+      x_(x0),
+      y_(Vector::Zero(rows.constraints())),
+      integral_(y_),
+      closed_(rows.kind.size(), 0) {}
+
+ImpactSteps::Look ImpactSteps::look(const SmoothSources& now, double s, const Vector& x, const Vector& y) const {
+  const Vector f = values(now.f, s), g = values(now.g, s), dg = slopes(now.g, s);
+  const Vector x_size = x.cwiseAbs(), f_size = f.cwiseAbs();
+  return {rows_.N * x + g, rows_.NA * x + rows_.N * f + rows_.NB * y + dg, rows_.N.cwiseAbs() * x_size + g.cwiseAbs(),
+          rows_.NA.cwiseAbs() * x_size + rows_.N.cwiseAbs() * f_size + dg.cwiseAbs()};
+}
+
+bool ImpactSteps::start(const SmoothSources& first) {
+  const Look at = look(first, 0, x_, y_);
+  const Vector zero = rows_.touching(x_, values(first.g, 0));
+  std::vector<Index> gaps;
+  for (Index i = 0; i < y_.size(); ++i) {
+    if (!rows_.is(i, Kind::gap) || at.w[i] > zero[i]) continue;
+    closed_[std::size_t(i)] = at.slope[i] <= no_speed * at.size_of_slope[i];
+    if (closed_[std::size_t(i)]) gaps.push_back(i);
+  }
+  begin_step();
+  return strike(first, 0, gaps);
+}
+
+bool ImpactSteps::pass(const SmoothSources& now) {
+  if (now.breaks) {  // a body that stops or turns strikes what lies on it
+    const Look at = look(now, 0, x_, y_);
+    std::vector<Index> struck;
+    for (Index i = 0; i < y_.size(); ++i)
+      if (closed_[std::size_t(i)] && at.slope[i] < -kink * std::abs(now.g(i, 1))) struck.push_back(i);
+    if (!struck.empty() && !strike(now, 0, struck)) return false;
+  }
+  Part part;
+  double from = 0;
+  for (Index count = 0; from < now.length - same_time * h_; ++count) {
+    const double d = now.length - from;
+    if (count == most_parts || !take(now, from, d, part)) return false;
+    Event event = first_event(now, from, d, part);
+    if (event.at <= same_time * h_) {
+      put_back(now, from, event.gaps);
+      if (!strike(now, from, event.gaps)) return false;
+      continue;
+    }
+    if (event.at < d - same_time * h_ && !take(now, from, event.at, part)) return false;
+    if (first_.size() == 0) first_ = y_at_begin(now, part);
+    from += std::min(event.at, d);
+    x_ = part.x, y_ = part.y;
+    for (Index i = 0; i < y_.size(); ++i)
+      integral_[i] += rows_.is_force[std::size_t(i)] ? part.z[i] : std::min(event.at, d) * y_[i];
+    open(now, from, part.z);
+    put_back(now, from, event.gaps);
+    if (!event.gaps.empty() && !strike(now, from, event.gaps)) return false;
+  }
+  return true;
+}
+
+// M + speeds D of these rows.
+Matrix ImpactSteps::problem(double d, const std::vector<Index>& rows) const {
+  Matrix W = rows_.M(rows, rows);
+  for (std::size_t c = 0; c < rows.size(); ++c) {
+    if (!rows_.is_force[std::size_t(rows[c])]) continue;
+    for (std::size_t r = 0; r < rows.size(); ++r)
+      if (!rows_.is(rows[r], Kind::room)) W(Index(r), Index(c)) += response_.at(d, rows[r], rows[c]);
+  }
+  return W;
+}
+
+// The part from x_ that begins at `from`, with the contacts that are closed.
+bool ImpactSteps::take(const SmoothSources& now, double from, double d, Part& part) {
+  const double to = from + d;
+  const Index n = y_.size();
+  const Vector bounds = means(now.g, from, to);
+  part.rows = rows_.acting(closed_, &bounds);
+  Matrix free = x_;
+  flow_.advance(d, from_there(now.f, from), free);
+  part.x = free;
+  part.z = part.y = Vector::Zero(n);
+  if (!part.rows.empty()) {
+    const Look end = look(now, to, part.x, part.y);
+    Vector q(Index(part.rows.size())), z;
+    for (Index k = 0; k < q.size(); ++k) {
+      const Index i = part.rows[std::size_t(k)];
+      q[k] = rows_.is(i, Kind::gap) ? end.slope[i] : rows_.is(i, Kind::speed) ? end.w[i] : d * bounds[i];
+    }
+    if (!solve_part(d, part.rows, q, z)) return false;
+    for (Index k = 0; k < q.size(); ++k) {
+      const Index i = part.rows[std::size_t(k)];
+      part.z[i] = z[k], part.y[i] = rows_.is_force[std::size_t(i)] ? z[k] / d : z[k];
+    }
+    if (!part.z.isZero(0)) {
+      QuadraticColumns input = from_there(now.f, from);
+      input[0] += rows_.B * part.y;
+      free = x_;
+      flow_.advance(d, input, free);
+      part.x = free;
+    }
+  }
+  follow_idle(now, to, part);
+  return true;
+}
+
+bool ImpactSteps::solve_part(double d, const std::vector<Index>& rows, const Vector& q, Vector& z) {
+  if (std::abs(d - h_) > 1e-12 * h_) {
+    const Matrix W = problem(d, rows);
+    ActiveSetLcp lcp(W, LcpClass::unknown);
+    return solve(lcp, W, q, z);
+  }
+  if (!kept_ || rows != kept_rows_) {
+    kept_problem_ = problem(h_, rows);
+    kept_.emplace(kept_problem_, LcpClass::unknown);
+    kept_rows_ = rows;
+  }
+  return solve(*kept_, kept_problem_, q, z);
+}
+
+bool ImpactSteps::solve(ActiveSetLcp& lcp, const Matrix& W, const Vector& q, Vector& z) {
+  const ImpactSolution found = solve_impact_problem(lcp, W, q);
+  report_.count.newton += found.newton;
+  report_.count.fallbacks += found.fallback;
+  ++(found.solved ? report_.count.solved : report_.count.unsolved);
+  report_.finite = report_.finite && q.allFinite();
+  residual_ = std::max(residual_, found.residual);
+  z = found.z;
+  return found.solved;
+}
+
+// y of friction that does not act: no force, and the speed that its rows need.
+void ImpactSteps::follow_idle(const SmoothSources& now, double s, Part& part) const {
+  for (const ImpactRows::Friction& f : rows_.friction) {
+    if (std::binary_search(part.rows.begin(), part.rows.end(), f.room)) continue;
+    for (const Index i : f.forces) {
+      const double w = N_.row(i).dot(part.x) + value(now.g, i, s);
+      if (rows_.M(i, f.room) > 0) part.y[f.room] = std::max(part.y[f.room], -w / rows_.M(i, f.room));
+    }
+    part.z[f.room] = part.y[f.room];
+  }
+}
+
+// Forces of the first part, and what the speeds at its begin make of the others.
+Vector ImpactSteps::y_at_begin(const SmoothSources& now, const Part& part) const {
+  Part begin{{}, part.z, part.y, x_};
+  for (const ImpactRows::Friction& f : rows_.friction) begin.y[f.room] = 0;
+  follow_idle(now, 0, begin);
+  return begin.y;
+}
+
+// Contacts close where cubics through the gaps and their slopes at both ends of the part fall below 0.
+ImpactSteps::Event ImpactSteps::first_event(const SmoothSources& now, double from, double d, const Part& part) {
+  const Look begin = look(now, from, x_, part.y), end = look(now, from + d, part.x, part.y);
+  Event event{INFINITY, {}};
+  Vector at = Vector::Constant(y_.size(), INFINITY);
+  for (Index i = 0; i < y_.size(); ++i) {
+    if (!rows_.is(i, Kind::gap) || closed_[std::size_t(i)]) continue;
+    const double zero = 64 * epsilon * std::max(begin.size[i], end.size[i]);
+    at[i] = first_fall({std::max(begin.w[i], 0.0), begin.slope[i], end.w[i], end.slope[i]}, d, zero);
+    event.at = std::min(event.at, at[i]);
+  }
+  event.at = std::min(event.at, first_turn(now, from, d, begin, end, part));
+  for (Index i = 0; i < y_.size(); ++i)
+    if (at[i] <= event.at + same_time * h_ && std::isfinite(at[i])) event.gaps.push_back(i);
+  return event;
+}
+
+// Sliding ends within the part where it has another direction at its end, or none. Constant forces of the whole part do
+// not tell when, since friction jumps there. Those of a part that is so short that it goes on do.
+double ImpactSteps::first_turn(const SmoothSources& now, double from, double d, const Look& begin, const Look& end,
+                               const Part& part) {
+  const auto size = [&](Index i) { return no_speed * std::max(begin.size[i], end.size[i]); };
+  const auto goes_on = [&](Index i, double w) { return begin.w[i] > 0 ? w > size(i) : w < -size(i); };
+  std::vector<Index> ends;
+  for (const Index i : part.rows)
+    if (rows_.is(i, Kind::speed) && std::abs(begin.w[i]) > size(i) && !goes_on(i, end.w[i])) ends.push_back(i);
+  if (ends.empty()) return INFINITY;
+  Part brief;
+  for (double length = d / shorter; length > brief_turn * h_; length /= shorter) {
+    if (!take(now, from, length, brief)) return INFINITY;
+    const Look there = look(now, from + length, brief.x, brief.y);
+    if (!std::all_of(ends.begin(), ends.end(), [&](Index i) { return goes_on(i, there.w[i]); })) continue;
+    Matrix x = x_;
+    QuadraticColumns input = from_there(now.f, from);
+    input[0] += rows_.B * brief.y;
+    flow_.advance(d, input, x);
+    const Look a = look(now, from, x_, brief.y), b = look(now, from + d, x, brief.y);
+    double first = INFINITY;
+    for (const Index i : ends) {
+      const double sign = begin.w[i] > 0 ? 1 : -1;
+      first = std::min(first, first_fall({sign * a.w[i], sign * a.slope[i], sign * b.w[i], sign * b.slope[i]}, d, 0));
+    }
+    return first > brief_turn * h_ ? first : INFINITY;
+  }
+  return INFINITY;
+}
+
+// -w'' of gaps, with the forces of the last part but those of the contact itself.
+Vector ImpactSteps::falling(const SmoothSources& now, double s) const {
+  const Vector rates = rows_.A * x_ + rows_.B * y_ + values(now.f, s);
+  Vector falls = -(rows_.NA * rates + rows_.N * slopes(now.f, s) + 2 * now.g.col(2));
+  for (Index i = 0; i < y_.size(); ++i)
+    if (rows_.is(i, Kind::gap) && y_[i] > 0) falls[i] += rows_.impulses(i, i) * y_[i];
+  for (const ImpactRows::Friction& f : rows_.friction)
+    for (const Index i : f.normals)
+      for (const Index j : f.forces) falls[i] += rows_.impulses(i, j) * y_[j];
+  return falls;
+}
+
+// Whether a contact that parts with this speed is back soon.
+bool ImpactSteps::is_brief(double speed, double falls) const { return 2 * speed < shortest_flight * h_ * falls; }
+
+// Impulses where these gaps have closed.
+bool ImpactSteps::strike(const SmoothSources& now, double s, const std::vector<Index>& gaps) {
+  const Look before = look(now, s, x_, y_);
+  const Vector zero = no_speed * before.size_of_slope;
+  bool strikes = false;
+  for (const Index i : gaps) {
+    closed_[std::size_t(i)] = 1;
+    strikes = strikes || before.slope[i] < -zero[i];
+  }
+  if (!strikes) return true;
+  const std::vector<Index> rows = rows_.acting(closed_, nullptr);
+  const Vector falls = falling(now, s);
+  Vector q(Index(rows.size())), z, bounce = Vector::Zero(y_.size());
+  for (Index k = 0; k < q.size(); ++k) {
+    const Index i = rows[std::size_t(k)];
+    if (rows_.is(i, Kind::gap)) {
+      const double rebound = before.slope[i] < -zero[i] ? -rows_.e[i] * before.slope[i] : 0;
+      if (!is_brief(rebound, falls[i])) bounce[i] = rebound;
+      q[k] = before.slope[i] - bounce[i];
+    } else {
+      q[k] = rows_.is(i, Kind::speed) ? before.w[i] : 0;
+    }
+  }
+  const Matrix W = rows_.impulses(rows, rows);
+  ActiveSetLcp lcp(W, LcpClass::unknown);
+  if (!solve(lcp, W, q, z)) return false;
+  ++impacts_;
+  Vector p = Vector::Zero(y_.size());
+  for (Index k = 0; k < q.size(); ++k)
+    if (const Index i = rows[std::size_t(k)]; rows_.is_force[std::size_t(i)]) p[i] = z[k];
+  x_ += rows_.B * p;
+  integral_ += p;
+  for (Index i = 0; i < y_.size(); ++i)
+    if (p[i] > 0 && bounce[i] > zero[i]) closed_[std::size_t(i)] = 0;
+  open(now, s, p);
+  return true;
+}
+
+// Contacts without a force that part for long enough are open.
+void ImpactSteps::open(const SmoothSources& now, double s, const Vector& z) {
+  const Look at = look(now, s, x_, y_);
+  const Vector falls = falling(now, s);
+  for (Index i = 0; i < y_.size(); ++i) {
+    const double speed = at.slope[i];
+    if (closed_[std::size_t(i)] && !(z[i] > 0) && speed > no_speed * at.size_of_slope[i] && !is_brief(speed, falls[i]))
+      closed_[std::size_t(i)] = 0;
+  }
+}
+
+// Positions onto the gaps that are closed, these, and what has come below 0.
+void ImpactSteps::put_back(const SmoothSources& now, double s, const std::vector<Index>& more) {
+  std::vector<Index> held;
+  Vector off = Vector::Zero(y_.size());
+  for (Index i = 0; i < y_.size(); ++i) {
+    if (!rows_.is(i, Kind::gap)) continue;
+    off[i] = N_.row(i).dot(x_) + value(now.g, i, s);
+    if (closed_[std::size_t(i)] || off[i] < 0 || std::binary_search(more.begin(), more.end(), i)) held.push_back(i);
+  }
+  if (held.empty()) return;
+  if (held != held_) {
+    held_ = held;
+    Matrix seen(Index(held.size()), Index(held.size()));
+    for (std::size_t k = 0; k < held.size(); ++k) seen.col(Index(k)) = Vector(rows_.N * rows_.onto.col(held[k]))(held);
+    onto_held_ = seen.completeOrthogonalDecomposition().pseudoInverse();
+  }
+  Vector by = Vector::Zero(y_.size());
+  by(held) = onto_held_ * off(held);
+  x_ -= rows_.onto * by;
+}
+
+}  // namespace bromwich

@@ -1,0 +1,282 @@
+// March over impacts: structures with rigid contacts, friction and restitution, against reference digits, closed forms
+// and located events.
+
+#include "tests/mechanics/mechanisms.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+#include <string>
+
+namespace bromwich {
+namespace {
+
+struct Drawn {
+  Structure structure;
+  std::vector<Contact> contacts;
+};
+
+// Planar structures that rest, strike, stick and slip.
+Drawn random_structure(std::uint32_t seed, Index contacts) {
+  std::mt19937 random(seed);
+  std::normal_distribution<double> normal;
+  const auto pick = [&](const std::vector<double>& values) { return values[random() % values.size()]; };
+  const auto draw = [&](Index rows, Index cols) {
+    Matrix m(rows, cols);
+    for (double& value : m.reshaped()) value = normal(random);
+    return m;
+  };
+  const Index d = 2 * contacts + Index(random() % 2);
+  Drawn drawn;
+  Structure& s = drawn.structure;
+  const Matrix R = draw(d, d), S = draw(d, d), I = Matrix::Identity(d, d);
+  s.M = sparse(random() % 2 ? I : Matrix(I + 0.3 * R * R.transpose() / double(d)));
+  s.K = sparse(Matrix(S * S.transpose() / double(d) + I));
+  s.C = sparse(Matrix(0.05 * I + 0.02 * Matrix(s.K)));
+  const Vector a = draw(d, 1), b = 0.7 * draw(d, 1), phase = 3 * draw(d, 1);
+  const double rate = 1 + double(random() % 300) / 100;
+  s.f = forces([=](double t) { return Vector(a.array() * (rate * t + phase.array()).sin() + b.array()); });
+  s.T = 4;
+  s.breakpoints_are_all = true;
+  for (Index i = 0; i < contacts; ++i) {
+    Contact c;
+    const bool along = random() % 2;
+    c.normal = along ? Vector(Vector::Unit(d, 2 * i + 1)) : Vector(draw(d, 1).normalized());
+    c.mu = pick({0, 0.1, 0.3, 0.6, 1});
+    if (c.mu > 0) {
+      c.tangent = along ? Matrix(Vector::Unit(d, 2 * i).transpose()) : Matrix(draw(1, d).normalized());
+      c.velocity = always(pick({0, 0.4, -0.7}));
+    }
+    c.gap = always(pick({0, 0.05, 0.3}));
+    c.restitution = pick({0, 0, 0.3, 0.6, 0.9});
+    drawn.contacts.push_back(c);
+  }
+  return drawn;
+}
+
+// Without the certificate, which is a solve by method events.
+Result stepped(const Scene& scene, Index steps) {
+  Options options = marched(steps);
+  options.confirm = false;
+  return run(scene, options);
+}
+
+Vector positions(const Result& r) {
+  EXPECT_EQ(r.status, Status::solved) << r.reason;
+  return r.x.row(r.steps).head(r.x.cols() / 2).transpose();
+}
+
+double error_of(const Scene& scene, Index steps, const Vector& q) {
+  return (positions(stepped(scene, steps)).head(q.size()) - q).cwiseAbs().maxCoeff();
+}
+
+TEST(ImpactSteps, ABlockThatLiftsOffAndStrikes) {
+  for (const double e : {0.0, 0.5}) {
+    const Vector q = e == 0 ? Vector{{-0.2276458679, 0.0644897728}} : Vector{{-0.2024374329, 0.0637274032}};
+    const Scene scene = make_mechanism(block(1.3, 10), {belt(e)}).scene;
+    EXPECT_LE(error_of(scene, 250, q), 3e-4);
+    EXPECT_LE(error_of(scene, 1000, q), 2e-5);
+    EXPECT_LE(error_of(scene, 4000, q), 1.2e-6);
+  }
+}
+
+// Whether h^2 times the largest ratio seen on coarse grids bounds the errors on fine ones. They do not fall from grid
+// to grid: where in its step a contact opens is up to chance.
+bool is_of_order_two(const Scene& scene, const Vector& q) {
+  constexpr double chance = 8, exact_digits = 1e-9;
+  double ratio = 0;
+  for (const Index steps : {100, 150, 200, 300})
+    ratio = std::max(ratio, error_of(scene, steps, q) * double(steps * steps));
+  for (const Index steps : {1500, 3000})
+    if (!(error_of(scene, steps, q) <= chance * ratio / double(steps * steps) + exact_digits)) return false;
+  return true;
+}
+
+void expect_order_two(const Scene& scene) { EXPECT_TRUE(is_of_order_two(scene, positions(located(scene)))); }
+
+// Against located events, which refuse one of these scenes. In some, flights shorter than an eighth of a step appear on
+// finer grids alone, where coarse ones have errors far below the square of the step.
+TEST(ImpactSteps, RandomStructuresAreOfOrderTwo) {
+  std::string others;
+  int tested = 0, of_order_two = 0;
+  for (std::uint32_t seed = 0; seed < 100; ++seed) {
+    const Drawn drawn = random_structure(seed, 1 + Index(seed % 4));
+    const Scene scene = make_mechanism(drawn.structure, drawn.contacts).scene;
+    Options options = options_for(Method::events);
+    options.states = StateSelection::all;
+    const Result exact = run(scene, options);
+    if (exact.status != Status::solved) continue;
+    ++tested;
+    if (is_of_order_two(scene, positions(exact)))
+      ++of_order_two;
+    else
+      others += " " + std::to_string(seed);
+  }
+  EXPECT_GE(tested, 98);
+  EXPECT_GE(of_order_two, tested - 1) << "not seeds" << others;
+}
+
+TimeFunction turned(const TimeFunction& of) {
+  return forces([of](double t) {
+    Vector value(1);
+    of(t, value);
+    return Vector(-value);
+  });
+}
+
+// Coordinates with other signs, and tangents with other signs: the same motion.
+Drawn mirrored(const Drawn& drawn, const Vector& signs) {
+  Drawn image = drawn;
+  for (SparseMatrix* m : {&image.structure.M, &image.structure.C, &image.structure.K})
+    *m = sparse(Matrix(signs.asDiagonal() * Matrix(*m) * signs.asDiagonal()));
+  image.structure.f = forces([f = drawn.structure.f, signs](double t) {
+    Vector value(signs.size());
+    f(t, value);
+    return Vector(signs.cwiseProduct(value));
+  });
+  for (Contact& c : image.contacts) {
+    c.normal = c.normal.cwiseProduct(signs).eval();
+    if (c.tangent.size() == 0) continue;
+    c.tangent = (-c.tangent * signs.asDiagonal()).eval();
+    c.velocity = turned(c.velocity);
+  }
+  return image;
+}
+
+TEST(ImpactSteps, MirrorImages) {
+  for (std::uint32_t seed = 0; seed < 60; ++seed) {
+    const Drawn drawn = random_structure(seed, 1 + Index(seed % 4));
+    Vector signs(drawn.structure.M.rows());
+    for (Index i = 0; i < signs.size(); ++i) signs[i] = (seed >> (i % 5)) % 2 == 0 ? -1 : 1;
+    const Drawn image = mirrored(drawn, signs);
+    const Result r = stepped(make_mechanism(drawn.structure, drawn.contacts).scene, 400),
+                 s = stepped(make_mechanism(image.structure, image.contacts).scene, 400);
+    EXPECT_LE((positions(r) - signs.cwiseProduct(positions(s))).cwiseAbs().maxCoeff(), 1e-10) << seed;
+  }
+}
+
+Scene ball(double e, double T) {
+  Structure s = oscillator(
+      0, 0, [](double) { return -9.81; }, T);
+  s.q0 = Vector{{1}};
+  Contact ground;
+  ground.normal = Vector{{1}};
+  ground.restitution = e;
+  return make_mechanism(s, {ground}).scene;
+}
+
+TEST(ImpactSteps, ABallThatComesToRest) {
+  const double rest = 3 * std::sqrt(2 / 9.81);
+  const Result r = stepped(ball(0.5, 1.5), 150);
+  ASSERT_EQ(r.status, Status::solved) << r.reason;
+  for (Index j = 0; j <= r.steps; ++j) {
+    if (r.t[j] > rest) EXPECT_LE(std::abs(r.x(j, 0)), 1e-12) << r.t[j];
+    if (r.t[j] > rest + 0.01) EXPECT_NEAR(r.y(j, 0), 9.81, 1e-9) << r.t[j];
+    if (r.t[j] < 0.9 * rest) EXPECT_EQ(r.y(j, 0), 0) << r.t[j];
+  }
+  EXPECT_NEAR(r.y_integral(150, 0), 9.81 * 1.5, 1e-9);
+}
+
+TEST(ImpactSteps, NothingIsLostWithoutLoss) {
+  const Result r = stepped(ball(1, 10), 333);
+  ASSERT_EQ(r.status, Status::solved) << r.reason;
+  for (Index j = 0; j <= r.steps; ++j) EXPECT_NEAR(r.x(j, 0) + r.x(j, 1) * r.x(j, 1) / (2 * 9.81), 1, 1e-11) << r.t[j];
+}
+
+TEST(ImpactSteps, AnImpactAtTheBegin) {
+  Structure s = block(1.3, 2);
+  s.v0 = Vector{{0.2, -1}};
+  const Scene scene = make_mechanism(s, {belt(0.5)}).scene;
+  const Result r = stepped(scene, 100);
+  EXPECT_TRUE(r.starts_with_impulse);
+  expect_order_two(scene);
+}
+
+// A floor that goes up and down along straight lines strikes what lies on it.
+TEST(ImpactSteps, AFloorThatTurns) {
+  for (const double e : {0.0, 0.5}) {
+    Structure s = oscillator(
+        0.1, 1, [](double) { return -3.0; }, 4);
+    s.breakpoints = {0.9, 1.7, 2.6};
+    Contact floor;
+    floor.normal = Vector{{1}};
+    floor.restitution = e;
+    floor.gap = of_time([](double t) {
+      if (t < 0.9) return 0.2 * t;
+      if (t < 1.7) return 0.18 - 0.5 * (t - 0.9);
+      return t < 2.6 ? -0.22 : -0.22 + 0.3 * (t - 2.6);
+    });
+    expect_order_two(make_mechanism(s, {floor}).scene);
+  }
+}
+
+TEST(ImpactSteps, RelaysAndMovingBodies) {
+  Structure s = block(1.3, 6);
+  Relays motor;
+  motor.B = Matrix{{0.3}, {0}};
+  motor.C = Matrix{{0, 0, 1, 0}};
+  motor.e = always(-0.2);
+  Contact moving = belt(0.4);
+  moving.velocity = of_time([](double t) { return 0.4 + 0.2 * std::sin(t); });
+  moving.gap = of_time([](double t) { return 0.05 * std::sin(3 * t); });
+  expect_order_two(make_mechanism(s, {moving}, motor).scene);
+}
+
+// Blocks with springs between them, each on a belt of its own.
+Mechanism chain(Index blocks, double restitution) {
+  const Index d = 2 * blocks;
+  Matrix K = Matrix::Zero(d, d);
+  std::vector<Contact> contacts;
+  for (Index i = 0; i < blocks; ++i) {
+    const Index x = 2 * i, z = x + 1;
+    K(x, x) += 2, K(z, z) += 1.5, K(x, z) -= 0.6, K(z, x) -= 0.6;
+    if (i + 1 < blocks) K(x, x) += 1, K(x + 2, x + 2) += 1, K(x, x + 2) -= 1, K(x + 2, x) -= 1;
+    Contact c = belt(restitution);
+    c.normal = Vector::Unit(d, z);
+    c.tangent = Vector::Unit(d, x).transpose();
+    contacts.push_back(c);
+  }
+  Structure s;
+  s.M = sparse(Matrix::Identity(d, d)), s.K = sparse(K);
+  s.C = sparse(Matrix(0.04 * Matrix::Identity(d, d) + 0.01 * K));
+  s.f = forces([d](double t) {
+    Vector f(d);
+    for (Index i = 0; i < d / 2; ++i) {
+      f[2 * i] = 0.3 * std::sin(2.1 * t + double(i));
+      f[2 * i + 1] = -1 + 1.3 * std::cos(2.1 * t + 0.7 * double(i));
+    }
+    return f;
+  });
+  s.T = 4;
+  s.breakpoints_are_all = true;
+  return make_mechanism(s, contacts);
+}
+
+TEST(ImpactSteps, ManyContacts) {
+  const Scene sixteen = chain(16, 0.5).scene;
+  EXPECT_LE(error_of(sixteen, 200, positions(located(sixteen))), 1e-4);
+  // Above what located events take, by march alone.
+  const Scene more = chain(64, 0.5).scene;
+  Options options = marched(200);
+  options.method = Method::automatic;
+  const Result r = run(more, options);
+  EXPECT_EQ(r.method, Method::march);
+  EXPECT_TRUE(r.well_posed);
+  EXPECT_LE((positions(r) - positions(stepped(more, 1600))).cwiseAbs().maxCoeff(), 1e-4);
+}
+
+TEST(ImpactSteps, OtherRowsAreRefused) {
+  Contact compliant = belt();
+  compliant.kn = 100;
+  Structure s = block(1.3, 2);
+  Contact bounces = belt(0.5);
+  bounces.normal = Vector{{0, -1}};
+  bounces.gap = always(1);
+  const Result r = stepped(make_mechanism(s, {compliant, bounces}).scene, 100);
+  EXPECT_EQ(r.status, Status::unsupported);
+  EXPECT_NE(r.reason.find("restitution"), std::string::npos) << r.reason;
+}
+
+}  // namespace
+}  // namespace bromwich
