@@ -75,12 +75,14 @@ TEST_P(PeriodicEngineering, IsRight) {
 // sticks may stay where it is, and others too. creeping: it stays from a border on. loaded: contacts are closed at the
 // ends of periods, with speeds of rounding. resting: nothing moves but by rounding. held, pressed: steps of Newton's
 // method leave gaps below zero by rounding. beyond, across: F rises on the way to the piece that has the solution.
-// open: a circuit with active sets near singular ones.
+// open: a circuit with active sets near singular ones. shorted, idle: y holds the state at zero.
 INSTANTIATE_TEST_SUITE_P(Unstable, PeriodicEngineering,
                          testing::Values(Drawn{"stops", 0}, Drawn{"threefold", 21}, Drawn{"sticking", 30},
                                          Drawn{"creeping", 41}, Drawn{"loaded", 62}, Drawn{"resting", 53},
                                          Drawn{"held", 83}, Drawn{"pressed", 192}, Drawn{"beyond", 118},
-                                         Drawn{"across", 154}, Drawn{"open", 128, oracle::random_circuit}),
+                                         Drawn{"across", 154}, Drawn{"open", 128, oracle::random_circuit},
+                                         Drawn{"shorted", 40, oracle::random_circuit},
+                                         Drawn{"idle", 174, oracle::random_circuit}),
                          [](const auto& one) { return one.param.name; });
 
 struct Share {
