@@ -12,24 +12,6 @@ namespace {
 constexpr double same_rank = 1e-10;  ///< relative singular values below count as zero
 constexpr int most_derivatives = 2;
 
-Jet stacked(const Jet& a, const Jet& b) {
-  const auto both = [](const Matrix& p, const Matrix& q) {
-    Matrix all(p.rows() + q.rows(), p.cols());
-    all << p, q;
-    return all;
-  };
-  return {both(a.x, b.x), both(a.f, b.f), both(a.df, b.df), both(a.g, b.g), both(a.dg, b.dg), both(a.ddg, b.ddg)};
-}
-
-Jet rows_of(const Jet& c, const std::vector<Index>& rows) {
-  const auto of = [&rows](const Matrix& a) -> Matrix { return a(rows, Eigen::all); };
-  return {of(c.x), of(c.f), of(c.df), of(c.g), of(c.dg), of(c.ddg)};
-}
-
-Jet sum(const Jet& a, const Jet& b) {
-  return {a.x + b.x, a.f + b.f, a.df + b.df, a.g + b.g, a.dg + b.dg, a.ddg + b.ddg};
-}
-
 // The derivative without its part of y, which is c.x B.
 Jet derivative(const Jet& c, const Matrix& A) {
   return {c.x * A, c.x, c.f, Matrix::Zero(c.g.rows(), c.g.cols()), c.g, c.dg};
@@ -60,38 +42,6 @@ Vector largest_of(const Jet& c) {
       .cwiseMax(c.g.cwiseAbs().rowwise().maxCoeff())
       .cwiseMax(c.dg.cwiseAbs().rowwise().maxCoeff());
 }
-
-}  // namespace
-
-Jet Jet::zero(Index rows, Index m, Index n) {
-  const Matrix of_m = Matrix::Zero(rows, m), of_n = Matrix::Zero(rows, n);
-  return {of_m, of_m, of_m, of_n, of_n, of_n};
-}
-
-Jet operator*(const Matrix& left, const Jet& c) {
-  return {left * c.x, left * c.f, left * c.df, left * c.g, left * c.dg, left * c.ddg};
-}
-
-Vector evaluate(const Jet& c, const JetValues& u) {
-  return c.x * u.x + c.f * u.f + c.df * u.df + c.g * u.g + c.dg * u.dg + c.ddg * u.ddg;
-}
-
-Vector terms(const Jet& c, const JetValues& u) {
-  Vector sum;
-  set_terms(c, u, sum);
-  return sum;
-}
-
-void set_terms(const Jet& c, const JetValues& u, Vector& sum) {
-  sum.noalias() = c.x.cwiseAbs() * u.x;
-  sum.noalias() += c.f.cwiseAbs() * u.f;
-  sum.noalias() += c.df.cwiseAbs() * u.df;
-  sum.noalias() += c.g.cwiseAbs() * u.g;
-  sum.noalias() += c.dg.cwiseAbs() * u.dg;
-  sum.noalias() += c.ddg.cwiseAbs() * u.ddg;
-}
-
-namespace {
 
 // Rows and columns that the nonzero entries of a matrix connect.
 struct Block {
@@ -162,18 +112,6 @@ Matrix independent(const Jet& c, const Vector& size) {
   for (Index i = 0; i < all.rows(); ++i) all.row(i) /= std::max(size[i], 1e-290);
   const RowRank found(all);
   return found.range.transpose() * size.cwiseMax(1e-290).cwiseInverse().asDiagonal();
-}
-
-Jet absolute(const Jet& c) {
-  return {c.x.cwiseAbs(), c.f.cwiseAbs(), c.df.cwiseAbs(), c.g.cwiseAbs(), c.dg.cwiseAbs(), c.ddg.cwiseAbs()};
-}
-
-Jet without_rounding(const Jet& c, const Jet& terms) {
-  const auto clean = [](const Matrix& a, const Matrix& of) -> Matrix {
-    return (a.cwiseAbs().array() > 64 * epsilon * of.array()).select(a, 0.0);
-  };
-  return {clean(c.x, terms.x), clean(c.f, terms.f),   clean(c.df, terms.df),
-          clean(c.g, terms.g), clean(c.dg, terms.dg), clean(c.ddg, terms.ddg)};
 }
 
 struct Split {
@@ -249,11 +187,6 @@ using Precise = Eigen::Matrix<long double, Eigen::Dynamic, Eigen::Dynamic>;
 
 Matrix product(const Precise& left, const Matrix& right) { return (left * right.cast<long double>()).cast<double>(); }
 
-Jet product(const Precise& left, const Jet& c) {
-  return {product(left, c.x), product(left, c.f),  product(left, c.df),
-          product(left, c.g), product(left, c.dg), product(left, c.ddg)};
-}
-
 // Entries of Y up to 64 eps times these can go, and E Y + C = 0 still holds but for rounding of its terms.
 Matrix unseen(const Matrix& E, const Matrix& Y, const Matrix& C) {
   const Matrix terms = E.cwiseAbs() * Y.cwiseAbs() + C.cwiseAbs();
@@ -262,28 +195,6 @@ Matrix unseen(const Matrix& E, const Matrix& Y, const Matrix& C) {
     for (Index i = 0; i < E.rows(); ++i)
       if (E(i, j) != 0) least.row(j) = least.row(j).cwiseMin(terms.row(i) / std::abs(E(i, j)));
   return least;
-}
-
-Jet unseen(const Matrix& E, const Jet& Y, const Jet& C) {
-  return {unseen(E, Y.x, C.x), unseen(E, Y.f, C.f),   unseen(E, Y.df, C.df),
-          unseen(E, Y.g, C.g), unseen(E, Y.dg, C.dg), unseen(E, Y.ddg, C.ddg)};
-}
-
-Jet smaller(const Jet& a, const Jet& b) {
-  return {a.x.cwiseMin(b.x), a.f.cwiseMin(b.f),   a.df.cwiseMin(b.df),
-          a.g.cwiseMin(b.g), a.dg.cwiseMin(b.dg), a.ddg.cwiseMin(b.ddg)};
-}
-
-// The rows of the active set among n.
-Jet spread(const Jet& c, const std::vector<Index>& active, Index n) {
-  Jet all = Jet::zero(n, c.x.cols(), c.g.cols());
-  all.x(active, Eigen::all) = c.x;
-  all.f(active, Eigen::all) = c.f;
-  all.df(active, Eigen::all) = c.df;
-  all.g(active, Eigen::all) = c.g;
-  all.dg(active, Eigen::all) = c.dg;
-  all.ddg(active, Eigen::all) = c.ddg;
-  return all;
 }
 
 // y_S = -E^+ C, of least norm. Directions that E leaves open may not move the state. They may move w elsewhere, as of
@@ -300,10 +211,16 @@ bool determine_y(const SystemMatrices& s, const std::vector<Index>& active, cons
   const Precise twice = 2 * Precise::Identity(E.rows(), E.rows()), refined = found * (twice - precise_E * found);
   const auto zero = (refined.cwiseAbs().array() <= 2 * (refined - found).cwiseAbs().array()).eval();
   const Precise inverse = zero.select(0, refined * (twice - precise_E * refined));
-  const Jet of_active = product(-inverse, C);
+  const Jet of_active = of_blocks([&inverse](const Matrix& c) { return product(-inverse, c); }, C);
   // Coefficients of rounding are zero: values of y that vanish in the mode would have a sign otherwise.
-  const Jet size = smaller(factors.terms * absolute(C), unseen(E, of_active, C));
-  y = spread(without_rounding(of_active, size), active, s.constraints());
+  y = of_blocks(
+      [&](const Matrix& Y, const Matrix& of_C) {
+        const Matrix size = (factors.terms * of_C.cwiseAbs()).cwiseMin(unseen(E, Y, of_C));
+        Matrix all = Matrix::Zero(s.constraints(), Y.cols());
+        all(active, Eigen::all) = (Y.cwiseAbs().array() > 64 * epsilon * size.array()).select(Y, 0.0);
+        return all;
+      },
+      of_active, C);
   return true;
 }
 
@@ -420,7 +337,7 @@ std::optional<SwitchedMode> make_switched_mode(const SystemMatrices& s, const st
     E = next;
   }
   mode.A = (s.A.cast<long double>() + s.B.cast<long double>() * mode.y.x.cast<long double>()).cast<double>();
-  mode.w = sum(seen, s.M * mode.y);
+  mode.w = seen + s.M * mode.y;
   for (const Jet* rows : {&mode.y, &mode.conditions}) {
     mode.uses_df = mode.uses_df || (rows->df.array() != 0).any();
     mode.uses_dg = mode.uses_dg || (rows->dg.array() != 0).any();

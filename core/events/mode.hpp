@@ -13,7 +13,7 @@
 // A state that does not fulfil the constraints jumps by B p with an impulse p of y_S: M_SS p = 0, and the constraints
 // hold afterwards. With restitution e the velocities w_S' do not vanish: w_S'+ = -e w_S'-, the rebound.
 
-#include "../base/types.hpp"
+#include "jet.hpp"
 
 #include <optional>
 #include <vector>
@@ -31,19 +31,6 @@ struct SystemMatrices {
   Index pairs() const { return M.rows() - guards; }
 };
 
-/// Rows that are linear in u; a block without columns is zero.
-struct Jet {
-  Matrix x, f, df, g, dg, ddg;
-
-  static Jet zero(Index rows, Index m, Index n);
-};
-Jet operator*(const Matrix& left, const Jet&);
-
-/// The values of the jet at one time, or bounds of their sizes.
-struct JetValues {
-  Vector x, f, df, g, dg, ddg;
-};
-
 struct SwitchedMode {
   std::vector<Index> active;
   Matrix A;                                                 ///< m x m, x' = A x + B (y without its part of x) + f
@@ -57,11 +44,6 @@ struct SwitchedMode {
   Matrix velocities;    ///< constraints x n: what of w' is in the constraints
   Matrix onto;          ///< m x constraints: x -= onto * (their values) is on those without g'
 };
-
-/// Value of the rows, and the sum of the absolute values of their terms.
-Vector evaluate(const Jet&, const JetValues&);
-Vector terms(const Jet&, const JetValues& sizes);
-void set_terms(const Jet&, const JetValues& sizes, Vector& sum);
 
 /// n values: w_i'' by y_i of rigid contacts, where y_i acts on w_i'' alone and w does not depend on y; 0 elsewhere.
 Vector openings(const SystemMatrices&);
