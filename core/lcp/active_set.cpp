@@ -270,8 +270,7 @@ bool ActiveSetLcp::lemke(LcpOutcome& outcome) {
 }
 
 bool ActiveSetLcp::enumerate(LcpOutcome& outcome) {
-  outcome.exhausted = has_no_feasible_point(M_, q_);
-  if (outcome.exhausted || q_.size() > largest_enumeration) return false;
+  if (q_.size() > largest_enumeration) return false;
   const auto y = solve_by_enumeration(M_, q_, [this](const std::vector<Index>& S) { return may_be_taken(S); });
   outcome.newton += 1 << q_.size();
   outcome.exhausted = !y;

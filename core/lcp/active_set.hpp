@@ -29,7 +29,7 @@ struct LcpOutcome {
   bool solved = false;
   bool infeasible = false;  ///< proven (Z and PSD)
   bool fallback = false;    ///< pivoting, a restart from the empty set or the least-norm solver was needed
-  bool exhausted = false;   ///< no y >= 0 has w >= 0, or every active set was tried (n <= 12): none is accepted
+  bool exhausted = false;   ///< every active set was tried (n <= 12): no acceptable solution exists
   int newton = 0;           ///< active sets tried
 };
 

@@ -79,19 +79,6 @@ TEST(LcpUnknown, FeasiblePointsAreFound) {
   EXPECT_GT(without, 50);
 }
 
-// w_1 + w_2 / 2 = -3/2 whatever y is, in eight pairs. No active set need be tried to say so.
-TEST(LcpUnknown, WithoutFeasiblePointsNoSetIsTried) {
-  constexpr Index n = 16;
-  Matrix M = Matrix::Zero(n, n);
-  for (Index i = 0; i < n; i += 2) M.block(i, i, 2, 2) << 1, -1, -2, 2;
-  ActiveSetLcp solver(M, LcpClass::unknown);
-  Vector y;
-  const LcpOutcome outcome = solver.solve(Vector::Constant(n, -1), y);
-  EXPECT_FALSE(outcome.solved);
-  EXPECT_TRUE(outcome.exhausted);
-  EXPECT_LT(outcome.newton, 1 << 12);
-}
-
 TEST(LcpUnknown, SingularActiveSets) {
   // The only solutions are (t, 0), t >= 1, and M_SS is singular for every S but the empty one.
   const Matrix M{{0, 0}, {1, 0}};
