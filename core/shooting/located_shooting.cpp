@@ -47,6 +47,7 @@ class LocatedShooting {
         options_(options),
         derivative_(scene),
         size_(Vector::Zero(scene.states())),
+        size_of_y_(Vector::Zero(scene.constraints())),
         least_(least_size * motion_of(scene)) {
     scene_.boundary.reset();
   }
