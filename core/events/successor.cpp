@@ -1,5 +1,7 @@
 #include "core/events/successor.hpp"
 
+#include "core/lcp/solution.hpp"
+
 #include <Eigen/Dense>
 
 #include <algorithm>
@@ -17,13 +19,6 @@ constexpr double less_y = 1 - 1e-6;  ///< norms of y nearer to each other are eq
 
 // Lengths of short steps are powers of two: few, whose matrices are known.
 double short_length(double longest) { return std::exp2(std::floor(std::log2(longest))); }
-
-std::vector<Index> support(const Vector& y) {
-  std::vector<Index> set;
-  for (Index i = 0; i < y.size(); ++i)
-    if (y[i] > 0) set.push_back(i);
-  return set;
-}
 
 }  // namespace
 
@@ -93,7 +88,7 @@ Successor::Entry Successor::attempt_proposed(double h, const Vector& offset, Eve
     // Where w_i and y_i vanish, w_i = 0 may be what determines another y. Where large terms cancel, rounding may keep
     // the solver from its aim; the sets that it comes to are tried all the same.
     for (int k = 0; k < (proposed.solved ? 3 : 2); ++k) {
-      const std::vector<Index> set = k == 0 ? support(proposed.y) : k == 1 ? proposed.basis() : proposed.zero_w;
+      const std::vector<Index> set = k == 0 ? support_of(proposed.y) : k == 1 ? proposed.basis() : proposed.zero_w;
       if (!tried_.insert(set).second) continue;
       const Entry entry = attempt(set, 0.5 * length, p);
       if (found_ || entry == Entry::jumped) return entry;
@@ -118,7 +113,7 @@ void Successor::prefer_least_norm(double h, bool y_is_known, EventPoint& p) {
   const double length = short_length(share * h);
   const ShortSteps::Step proposed = short_steps_.take(p.t, length, p.x, touching(p, y_is_known));
   if (!proposed.solved || !proposed.y.allFinite()) return;
-  const std::vector<Index> set = support(proposed.y);
+  const std::vector<Index> set = support_of(proposed.y);
   if (set == best_.mode->active) least_.insert(found);
   if (!tried_.insert(set).second) return;
   const Candidate first = std::exchange(best_, {});

@@ -1,6 +1,7 @@
 #include "core/march/impact_problem.hpp"
 
 #include "core/lcp/lemke.hpp"
+#include "core/lcp/solution.hpp"
 #include "core/numerics/equilibration.hpp"
 
 #include <Eigen/QR>
@@ -40,13 +41,6 @@ void polish(const Matrix& W, const Vector& q, const std::vector<Index>& S, Impac
   found.residual = residual;
 }
 
-std::vector<Index> positive(const Vector& z) {
-  std::vector<Index> S;
-  for (Index i = 0; i < z.size(); ++i)
-    if (z[i] > 0) S.push_back(i);
-  return S;
-}
-
 }  // namespace
 
 ImpactSolution solve_impact_problem(ActiveSetLcp& lcp, const Matrix& W, const Vector& q) {
@@ -61,7 +55,7 @@ ImpactSolution solve_impact_problem(ActiveSetLcp& lcp, const Matrix& W, const Ve
   found.newton = outcome.newton, found.fallback = outcome.fallback, found.solved = outcome.solved;
   if (found.solved) {
     found.residual = residual_of(W, q, found.z);
-    if (found.fallback) polish(W, q, positive(found.z), found);
+    if (found.fallback) polish(W, q, support_of(found.z), found);
     return found;
   }
   found.fallback = true;

@@ -47,7 +47,6 @@ class LocatedShooting {
         options_(options),
         derivative_(scene),
         size_(Vector::Zero(scene.states())),
-        size_of_y_(Vector::Zero(scene.constraints())),
         least_(least_size * motion_of(scene)) {
     scene_.boundary.reset();
   }
@@ -131,7 +130,7 @@ class LocatedShooting {
   }
 
   Vector size_of_states() const {
-    const Vector size = size_.cwiseMax(least_).cwiseMax(least_size * by_y_ * size_of_y_);
+    const Vector size = size_.cwiseMax(least_);
     const double most = size.size() > 0 ? size.maxCoeff() : 0;
     if (!(most > 0)) return Vector::Ones(size.size());
     return size.cwiseMax(least_size * most);
@@ -160,10 +159,9 @@ class LocatedShooting {
   }
 
   void set_sizes() {
-    size_ = sizes_of(now_.flow);
-    size_of_y_.setZero(scene_.constraints());
-    for (const EventPiece& p : now_.flow.pieces)
-      size_of_y_ = size_of_y_.cwiseMax(p.y.cwiseAbs().colwise().sum().transpose());
+    Vector y = Vector::Zero(scene_.constraints());
+    for (const EventPiece& p : now_.flow.pieces) y = y.cwiseMax(p.y.cwiseAbs().colwise().sum().transpose());
+    size_ = sizes_of(now_.flow).cwiseMax(least_size * by_y_ * y);
   }
 
   void start_in_modes(Vector& x) const {
@@ -324,7 +322,7 @@ class LocatedShooting {
   const ShootingOptions& options_;
   FlowDerivative derivative_;
   const std::shared_ptr<RegimesOfScene> kept_ = keep_regimes();
-  Vector size_, size_of_y_;                  ///< m, n: largest values of the last flow
+  Vector size_;                              ///< m: largest values of the last flow, and of what y may move
   const Vector least_;                       ///< m: sizes are at least these
   const Matrix by_y_ = motion_by_y(scene_);  ///< m x n
   Iterate now_;
