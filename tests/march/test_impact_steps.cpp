@@ -6,53 +6,13 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <random>
 #include <string>
 
 namespace bromwich {
 namespace {
 
-struct Drawn {
-  Structure structure;
-  std::vector<Contact> contacts;
-};
-
-// Planar structures that rest, strike, stick and slip.
-Drawn random_structure(std::uint32_t seed, Index contacts) {
-  std::mt19937 random(seed);
-  std::normal_distribution<double> normal;
-  const auto pick = [&](const std::vector<double>& values) { return values[random() % values.size()]; };
-  const auto draw = [&](Index rows, Index cols) {
-    Matrix m(rows, cols);
-    for (double& value : m.reshaped()) value = normal(random);
-    return m;
-  };
-  const Index d = 2 * contacts + Index(random() % 2);
-  Drawn drawn;
-  Structure& s = drawn.structure;
-  const Matrix R = draw(d, d), S = draw(d, d), I = Matrix::Identity(d, d);
-  s.M = sparse(random() % 2 ? I : Matrix(I + 0.3 * R * R.transpose() / double(d)));
-  s.K = sparse(Matrix(S * S.transpose() / double(d) + I));
-  s.C = sparse(Matrix(0.05 * I + 0.02 * Matrix(s.K)));
-  const Vector a = draw(d, 1), b = 0.7 * draw(d, 1), phase = 3 * draw(d, 1);
-  const double rate = 1 + double(random() % 300) / 100;
-  s.f = forces([=](double t) { return Vector(a.array() * (rate * t + phase.array()).sin() + b.array()); });
-  s.T = 4;
-  s.breakpoints_are_all = true;
-  for (Index i = 0; i < contacts; ++i) {
-    Contact c;
-    const bool along = random() % 2;
-    c.normal = along ? Vector(Vector::Unit(d, 2 * i + 1)) : Vector(draw(d, 1).normalized());
-    c.mu = pick({0, 0.1, 0.3, 0.6, 1});
-    if (c.mu > 0) {
-      c.tangent = along ? Matrix(Vector::Unit(d, 2 * i).transpose()) : Matrix(draw(1, d).normalized());
-      c.velocity = always(pick({0, 0.4, -0.7}));
-    }
-    c.gap = always(pick({0, 0.05, 0.3}));
-    c.restitution = pick({0, 0, 0.3, 0.6, 0.9});
-    drawn.contacts.push_back(c);
-  }
-  return drawn;
+DrawnStructure drawn_structure(std::uint32_t seed) {
+  return random_structure(seed, 1 + Index(seed % 4), 2, false, {0, 0.1, 0.3, 0.6, 1});
 }
 
 // Without the certificate, which is a solve by method events.
@@ -101,7 +61,7 @@ TEST(ImpactSteps, RandomStructuresAreOfOrderTwo) {
   std::string others;
   int tested = 0, of_order_two = 0;
   for (std::uint32_t seed = 0; seed < 100; ++seed) {
-    const Drawn drawn = random_structure(seed, 1 + Index(seed % 4));
+    const DrawnStructure drawn = drawn_structure(seed);
     const Scene scene = make_mechanism(drawn.structure, drawn.contacts).scene;
     Options options = options_for(Method::events);
     options.states = StateSelection::all;
@@ -126,8 +86,8 @@ TimeFunction turned(const TimeFunction& of) {
 }
 
 // Coordinates with other signs, and tangents with other signs: the same motion.
-Drawn mirrored(const Drawn& drawn, const Vector& signs) {
-  Drawn image = drawn;
+DrawnStructure mirrored(const DrawnStructure& drawn, const Vector& signs) {
+  DrawnStructure image = drawn;
   for (SparseMatrix* m : {&image.structure.M, &image.structure.C, &image.structure.K})
     *m = sparse(Matrix(signs.asDiagonal() * Matrix(*m) * signs.asDiagonal()));
   image.structure.f = forces([f = drawn.structure.f, signs](double t) {
@@ -146,10 +106,10 @@ Drawn mirrored(const Drawn& drawn, const Vector& signs) {
 
 TEST(ImpactSteps, MirrorImages) {
   for (std::uint32_t seed = 0; seed < 60; ++seed) {
-    const Drawn drawn = random_structure(seed, 1 + Index(seed % 4));
+    const DrawnStructure drawn = drawn_structure(seed);
     Vector signs(drawn.structure.M.rows());
     for (Index i = 0; i < signs.size(); ++i) signs[i] = (seed >> (i % 5)) % 2 == 0 ? -1 : 1;
-    const Drawn image = mirrored(drawn, signs);
+    const DrawnStructure image = mirrored(drawn, signs);
     const Result r = stepped(make_mechanism(drawn.structure, drawn.contacts).scene, 400),
                  s = stepped(make_mechanism(image.structure, image.contacts).scene, 400);
     EXPECT_LE((positions(r) - signs.cwiseProduct(positions(s))).cwiseAbs().maxCoeff(), 1e-10) << seed;

@@ -5,7 +5,9 @@
 #include "tests/support/run.hpp"
 
 #include <cmath>
+#include <cstdint>
 #include <functional>
+#include <random>
 #include <vector>
 
 namespace bromwich {
@@ -79,5 +81,53 @@ inline Result located(const Scene& scene) {
 }
 
 inline Vector last_state(const Result& r) { return r.x.row(r.x.rows() - 1).transpose(); }
+
+struct DrawnStructure {
+  Structure structure;
+  std::vector<Contact> contacts;
+};
+
+/// Planar structures that rest, strike, stick and slip. `spare`: coordinates without contacts, fewer than that.
+/// `compliant`: a quarter of the contacts is.
+inline DrawnStructure random_structure(std::uint32_t seed, Index contacts, Index spare, bool compliant,
+                                       const std::vector<double>& frictions) {
+  std::mt19937 random(seed);
+  std::normal_distribution<double> normal;
+  const auto pick = [&](const std::vector<double>& values) { return values[random() % values.size()]; };
+  const auto draw = [&](Index rows, Index cols) {
+    Matrix m(rows, cols);
+    for (double& value : m.reshaped()) value = normal(random);
+    return m;
+  };
+  const Index d = 2 * contacts + Index(random() % std::size_t(spare));
+  DrawnStructure drawn;
+  Structure& s = drawn.structure;
+  const Matrix R = draw(d, d), S = draw(d, d), I = Matrix::Identity(d, d);
+  s.M = sparse(random() % 2 ? I : Matrix(I + 0.3 * R * R.transpose() / double(d)));
+  s.K = sparse(Matrix(S * S.transpose() / double(d) + I));
+  s.C = sparse(Matrix(0.05 * I + 0.02 * Matrix(s.K)));
+  const Vector a = draw(d, 1), b = 0.7 * draw(d, 1), phase = 3 * draw(d, 1);
+  const double rate = 1 + double(random() % 300) / 100;
+  s.f = forces([=](double t) { return Vector(a.array() * (rate * t + phase.array()).sin() + b.array()); });
+  s.T = 4;
+  s.breakpoints_are_all = true;
+  for (Index i = 0; i < contacts; ++i) {
+    Contact c;
+    const bool along = random() % 2;
+    c.normal = along ? Vector(Vector::Unit(d, 2 * i + 1)) : Vector(draw(d, 1).normalized());
+    c.mu = pick(frictions);
+    if (c.mu > 0) {
+      c.tangent = along ? Matrix(Vector::Unit(d, 2 * i).transpose()) : Matrix(draw(1, d).normalized());
+      c.velocity = always(pick({0, 0.4, -0.7}));
+    }
+    c.gap = always(pick({0, 0.05, 0.3}));
+    if (compliant && random() % 4 == 0)
+      c.kn = pick({10, 100});
+    else
+      c.restitution = pick({0, 0, 0.3, 0.6, 0.9});
+    drawn.contacts.push_back(c);
+  }
+  return drawn;
+}
 
 }  // namespace bromwich

@@ -6,7 +6,6 @@
 
 #include <gtest/gtest.h>
 
-#include <random>
 #include <utility>
 
 namespace bromwich {
@@ -87,49 +86,8 @@ TEST(ManyContacts, ChainsOfBlocks) {
     }
 }
 
-struct Drawn {
-  Structure structure;
-  std::vector<Contact> contacts;
-};
-
-Drawn random_structure(std::uint32_t seed, Index contacts) {
-  std::mt19937 random(seed);
-  std::normal_distribution<double> normal;
-  const auto pick = [&](const std::vector<double>& values) { return values[random() % values.size()]; };
-  const auto draw = [&](Index rows, Index cols) {
-    Matrix m(rows, cols);
-    for (double& value : m.reshaped()) value = normal(random);
-    return m;
-  };
-  const Index d = 2 * contacts + Index(random() % 3);
-  Drawn drawn;
-  Structure& s = drawn.structure;
-  const Matrix R = draw(d, d), S = draw(d, d), I = Matrix::Identity(d, d);
-  s.M = sparse(random() % 2 ? I : Matrix(I + 0.3 * R * R.transpose() / double(d)));
-  s.K = sparse(Matrix(S * S.transpose() / double(d) + I));
-  s.C = sparse(Matrix(0.05 * I + 0.02 * Matrix(s.K)));
-  const Vector a = draw(d, 1), b = 0.7 * draw(d, 1), phase = 3 * draw(d, 1);
-  const double rate = 1 + double(random() % 300) / 100;
-  s.f = forces([=](double t) { return Vector(a.array() * (rate * t + phase.array()).sin() + b.array()); });
-  s.T = 4;
-  s.breakpoints_are_all = true;
-  for (Index i = 0; i < contacts; ++i) {
-    Contact c;
-    const bool along = random() % 2;
-    c.normal = along ? Vector(Vector::Unit(d, 2 * i + 1)) : Vector(draw(d, 1).normalized());
-    c.mu = pick({0, 0.1, 0.3, 0.6, 1, 1.5});
-    if (c.mu > 0) {
-      c.tangent = along ? Matrix(Vector::Unit(d, 2 * i).transpose()) : Matrix(draw(1, d).normalized());
-      c.velocity = always(pick({0, 0.4, -0.7}));
-    }
-    c.gap = always(pick({0, 0.05, 0.3}));
-    if (random() % 4 == 0)
-      c.kn = pick({10, 100});
-    else
-      c.restitution = pick({0, 0, 0.3, 0.6, 0.9});
-    drawn.contacts.push_back(c);
-  }
-  return drawn;
+DrawnStructure drawn_structure(std::uint32_t seed, Index contacts) {
+  return random_structure(seed, contacts, 3, true, {0, 0.1, 0.3, 0.6, 1, 1.5});
 }
 
 class RandomStructure : public testing::TestWithParam<int> {};
@@ -137,7 +95,7 @@ class RandomStructure : public testing::TestWithParam<int> {};
 TEST_P(RandomStructure, MovesAsTimeSteppingSays) {
   for (std::uint32_t seed = 8 * std::uint32_t(GetParam()); seed < 8 * std::uint32_t(GetParam() + 1); ++seed) {
     SCOPED_TRACE(testing::Message() << "seed " << seed);
-    const Drawn drawn = random_structure(seed, 1 + Index(seed % 16));
+    const DrawnStructure drawn = drawn_structure(seed, 1 + Index(seed % 16));
     expect_motion(make_mechanism(drawn.structure, drawn.contacts));
   }
 }
@@ -146,7 +104,7 @@ INSTANTIATE_TEST_SUITE_P(Seeds, RandomStructure, testing::Range(0, 6));
 // Tangents and velocities of the other bodies with other signs: the same motion.
 TEST(ManyContacts, TurnedTangentsChangeNothing) {
   for (const std::uint32_t seed : {2u, 3u, 8u, 13u}) {
-    Drawn drawn = random_structure(seed, 1 + Index(seed % 5));
+    DrawnStructure drawn = drawn_structure(seed, 1 + Index(seed % 5));
     const Vector x = last_state(located(make_mechanism(drawn.structure, drawn.contacts).scene));
     for (Contact& c : drawn.contacts) {
       c.tangent = -c.tangent;
