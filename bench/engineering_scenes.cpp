@@ -126,30 +126,43 @@ void limit_cpu(double seconds) {
   setrlimit(RLIMIT_CPU, &most);
 }
 
-constexpr double patience = 60;  ///< seconds for the oracle, which integrates periodic states after the solve
-constexpr char solve_is_done = '!';
+constexpr double patience = 60;  ///< seconds for each thing that the oracle integrates
 
-ordered_json judge(const Arguments& a, const EngineeringScene& s, const KnownFlow& known, bool periodic,
-                   Telling telling, std::uint32_t seed, const std::function<void()>& solved) {
+/// What a scene's process has done so far; its name on the channel is one byte.
+enum class Stage : char { oracle = 'o', solve = 's', judgement = 'j' };
+
+ordered_json judge(const Arguments& a, const EngineeringScene& s, bool periodic, Telling telling, std::uint32_t seed,
+                   const std::function<void(Stage)>& enter) {
+  enter(Stage::oracle);
+  // The oracle's own error has to be far below what is judged. A periodic state is integrated after the solve.
+  const double begin = cpu_seconds();
+  const KnownFlow known = periodic ? KnownFlow() : known_flow(s, s.x0, s.T, 0.1 * a.tolerance);
+  const ordered_json oracle{{"oracle_seconds", cpu_seconds() - begin}, {"oracle_events", known.flow.events}};
+  ordered_json json{{"verdict", "undecided"}, {"reason", known.reason}};
+  json.update(oracle);
+  if (!periodic && !known.decided) return json;
   Options options;
   options.method = a.method, options.steps = a.steps, options.states = StateSelection::all;
   if (a.steps == 0) options.tolerance = a.tolerance;
   const auto backend = make_cpu_backend(1);
   const Retold told = retold(s, telling, seed);
+  enter(Stage::solve);
+  const auto solved = [&enter] { enter(Stage::judgement); };
   const EngineeringTrial t = periodic ? try_periodic(s, told, options, *backend, a.tolerance, solved)
                                       : try_engineering(s, known, told, options, *backend, a.tolerance, solved);
-  ordered_json json{{"verdict", t.verdict},   {"status", t.status},     {"method", t.method},
-                    {"steps", t.steps},       {"error", t.error},       {"at", t.at},
-                    {"estimate", t.estimate}, {"residual", t.residual}, {"residual_at", t.residual_at},
-                    {"seconds", t.seconds}};
+  json = {{"verdict", t.verdict},   {"status", t.status},     {"method", t.method},
+          {"steps", t.steps},       {"error", t.error},       {"at", t.at},
+          {"estimate", t.estimate}, {"residual", t.residual}, {"residual_at", t.residual_at},
+          {"seconds", t.seconds}};
+  json.update(oracle);
   if (!t.reason.empty()) json["reason"] = t.reason;
   if (!t.warning.empty()) json["warning"] = t.warning;
   return json;
 }
 
-/// One scene in a process of its own, which says when the solve is done and then its judgement.
-ordered_json in_process(const Arguments& a, const EngineeringScene& s, const KnownFlow& known, bool periodic,
-                        Telling telling, std::uint32_t seed) {
+/// One scene in a process of its own, which names each stage that it enters and then gives its judgement.
+ordered_json in_process(const Arguments& a, const EngineeringScene& s, bool periodic, Telling telling,
+                        std::uint32_t seed) {
   int channel[2];
   if (pipe(channel) != 0) throw std::runtime_error("no pipe");
   const pid_t child = fork();
@@ -157,13 +170,13 @@ ordered_json in_process(const Arguments& a, const EngineeringScene& s, const Kno
     const rlim_t memory = rlim_t(4) << 30;
     const rlimit space{memory, memory};
     setrlimit(RLIMIT_AS, &space);
-    limit_cpu(a.seconds);
+    const auto enter = [&](Stage stage) {
+      limit_cpu(stage == Stage::solve ? a.seconds : patience);
+      if (write(channel[1], &stage, 1) != 1) _exit(3);
+    };
     std::string text;
     try {
-      text = judge(a, s, known, periodic, telling, seed, [&channel] {
-               limit_cpu(patience);
-               if (write(channel[1], &solve_is_done, 1) != 1) _exit(3);
-             }).dump();
+      text = judge(a, s, periodic, telling, seed, enter).dump();
     } catch (const std::exception& error) {
       text = ordered_json{{"verdict", "crashed"}, {"reason", error.what()}}.dump();
     }
@@ -177,39 +190,28 @@ ordered_json in_process(const Arguments& a, const EngineeringScene& s, const Kno
   close(channel[0]);
   int status = 0;
   waitpid(child, &status, 0);
-  const bool solved = text.starts_with(solve_is_done);
-  if (solved) text.erase(0, 1);
-  if (!text.empty()) {
-    ordered_json json = ordered_json::parse(text);
+  const std::size_t judged = text.find('{');
+  if (judged != std::string::npos) {
+    ordered_json json = ordered_json::parse(text.substr(judged));
     if (json.value("seconds", 0.0) > a.seconds && json["verdict"] != "wrong") json["verdict"] = "slow";
     return json;
   }
-  const bool slow = WIFSIGNALED(status) && (WTERMSIG(status) == SIGXCPU || WTERMSIG(status) == SIGKILL);
-  if (solved && slow) return {{"verdict", "undecided"}, {"reason", "the oracle takes too long"}};
-  return {{"verdict", slow ? "slow" : "crashed"}, {"seconds", slow ? a.seconds : 0.0}};
+  if (!(WIFSIGNALED(status) && (WTERMSIG(status) == SIGXCPU || WTERMSIG(status) == SIGKILL)))
+    return {{"verdict", "crashed"}, {"seconds", 0.0}};
+  if (!text.empty() && text.back() == char(Stage::solve)) return {{"verdict", "slow"}, {"seconds", a.seconds}};
+  return {{"verdict", "undecided"}, {"reason", "the oracle takes too long"}};
 }
 
 void judge_scene(const Arguments& a, const std::string& kind, std::uint32_t seed, std::FILE* out) {
   const EngineeringScene s = made(kind, seed);
   for (const std::string& problem : a.problems) {
     const bool periodic = problem == "periodic";
-    // The oracle's own error has to be far below what is judged.
-    const double begin = cpu_seconds();
-    const KnownFlow known = periodic ? KnownFlow() : known_flow(s, s.x0, s.T, 0.1 * a.tolerance);
-    const double oracle_seconds = cpu_seconds() - begin;
     for (const std::string& word : a.tellings) {
       const Telling telling = telling_of(word);
-      ordered_json json{{"kind", kind},
-                        {"seed", seed},
-                        {"problem", problem},
-                        {"telling", to_string(telling)},
-                        {"states", s.states()},
-                        {"constraints", s.constraints()},
-                        {"oracle_seconds", oracle_seconds},
-                        {"oracle_events", known.flow.events}};
-      ordered_json found{{"verdict", "undecided"}, {"reason", known.reason}};
-      if (known.decided || periodic) found = in_process(a, s, known, periodic, telling, seed);
-      json.update(found);
+      ordered_json json{{"kind", kind},         {"seed", seed},
+                        {"problem", problem},   {"telling", to_string(telling)},
+                        {"states", s.states()}, {"constraints", s.constraints()}};
+      json.update(in_process(a, s, periodic, telling, seed));
       const bool bad = json["verdict"] != "right" && json["verdict"] != "none" && json["verdict"] != "undecided";
       if (!a.files.empty() && (bad || a.list == "all"))
         std::ofstream(a.files + "/" + s.name + "-" + problem + (telling == Telling::original ? "" : "-" + word) +
