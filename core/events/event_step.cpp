@@ -112,7 +112,7 @@ EventSteps::EventSteps(const SystemMatrices& system, const EventSources& sources
     : system_(system),
       sources_(sources),
       T_(T),
-      propagators_(system, limits.longest),
+      propagators_(limits.longest),
       rigid_((openings(system).array() > 0).any()) {
   begin(limits);
 }
@@ -120,7 +120,7 @@ EventSteps::EventSteps(const SystemMatrices& system, const EventSources& sources
 void EventSteps::begin(const StepLimits& limits) {
   sign_is_lost_ = false;
   if (limits == limits_) return;
-  if (limits_.longest > 0 && limits.longest != limits_.longest) propagators_ = Propagators(system_, limits.longest);
+  if (limits_.longest > 0 && limits.longest != limits_.longest) propagators_ = Propagators(limits.longest);
   limits_ = limits;
   by_f_within_span_ = moved_within(limits.span, system_.A);
   by_y_within_span_ = (by_f_within_span_ * system_.B).cwiseAbs();

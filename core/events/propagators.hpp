@@ -1,10 +1,8 @@
 #pragma once
 // What steps of collocation do, kept for modes and lengths that recur.
 
-#include "collocation.hpp"
 #include "mode.hpp"
-
-#include <Eigen/LU>
+#include "stage_systems.hpp"
 
 #include <map>
 #include <utility>
@@ -14,7 +12,7 @@ namespace bromwich {
 
 class Propagators {
  public:
-  Propagators(const SystemMatrices&, double longest);
+  explicit Propagators(double longest) : longest_(longest) {}
 
   /// The longest of `longest`, 3/4, 1/2, 3/8, 1/4, ... of it that is no longer than the length.
   double grid_length(double length) const;
@@ -26,29 +24,25 @@ class Propagators {
                                    double& work);
 
  private:
-  /// The collocation of steps of one length in one mode.
-  struct Propagator {
-    std::vector<Eigen::PartialPivLU<ComplexMatrix>> factors;  ///< of I - z A_S for z = h lambda, without the positions
-    Matrix by_positions;                                      ///< the rates of the others by positions
+  /// Steps of one length in one mode.
+  struct Recurring {
     Index used = 0;
     std::vector<Matrix> columns;  ///< Z, (s+1) m values, by coefficient k of the input
   };
 
   double grid_length_above(double length) const;
-  Propagator& propagator(const SwitchedMode&, double h, double& work);
-  ComplexVector solve(const Propagator&, Complex z, std::size_t eigenvalue, const ComplexVector& right) const;
-  void collocate(const SwitchedMode&, double h, const Propagator&, const LegendreCoefficients& input,
-                 LegendreCoefficients& z) const;
+  StageSystems& systems_of(const SwitchedMode&, double& work);
+  void collocate(const SwitchedMode&, double h, const LegendreCoefficients& input, LegendreCoefficients& z,
+                 double& work);
   void propagate(const SwitchedMode&, double h, const LegendreCoefficients& input, Index degrees,
                  LegendreCoefficients& z, double& work);
 
   double longest_;
-  /// Positions: y does not act on their rates, nor do they depend on each other. They are eliminated.
-  std::vector<Index> positions_, others_;
-  Matrix by_others_;  ///< the rates of positions by the others
-  std::map<std::pair<const SwitchedMode*, double>, Propagator> propagators_;
-  std::size_t kept_ = 0;  ///< numbers in the factors
+  std::map<const SwitchedMode*, StageSystems> systems_;
+  std::map<std::pair<const SwitchedMode*, double>, Recurring> recurring_;
+  std::size_t kept_ = 0;  ///< numbers in both
   LegendreCoefficients whole_;
+  StageSystems::AtStages right_, left_, part_, change_;
 };
 
 }  // namespace bromwich

@@ -6,6 +6,7 @@
 #include <Eigen/QR>
 
 #include <algorithm>
+#include <cmath>
 
 namespace bromwich {
 
@@ -16,6 +17,10 @@ Vector in_complementary_cone(const Matrix& M, const Vector& q, const std::vector
   const Index n = q.size();
   Matrix A = Matrix::Identity(n, n);
   for (const Index s : S) A.col(s) = -M.col(s);
+  // Farther from q than is_solution allows, a point of the span is no solution, nor is one of the cone.
+  constexpr double farthest = 1e-4;
+  const double distance = (A * Eigen::ColPivHouseholderQR<Matrix>(A).solve(q) - q).norm();
+  if (distance > farthest * std::sqrt(double(n)) * q.cwiseAbs().maxCoeff()) return Vector::Zero(n);
   const Vector x = nonnegative_least_squares(A, q);
   Vector y = Vector::Zero(n);
   y(S) = x(S);
