@@ -34,11 +34,11 @@ const Eigenvectors& eigenvectors() {
 }
 
 template <class Complex>
-Complex product(const Complex& a, const Complex& b) {
+[[gnu::always_inline]] inline Complex product(const Complex& a, const Complex& b) {
   return {a.re * b.re - a.im * b.im, a.re * b.im + a.im * b.re};
 }
 template <class Complex>
-void subtract_product(const Complex& a, const Complex& b, Complex& from) {
+[[gnu::always_inline]] inline void subtract_product(const Complex& a, const Complex& b, Complex& from) {
   from.re += a.im * b.im - a.re * b.re;
   from.im -= a.re * b.im + a.im * b.re;
 }
@@ -49,7 +49,7 @@ Complex inverse(const Complex& a) {
 }
 // Exchanges the lanes in which `where` is 1, the others have 0.
 template <class Complex>
-void exchange(const Lanes& where, Complex& a, Complex& b) {
+[[gnu::always_inline]] inline void exchange(const Lanes& where, Complex& a, Complex& b) {
   const Lanes stay = 1 - where;
   const Complex first{stay * a.re + where * b.re, stay * a.im + where * b.im};
   b = {stay * b.re + where * a.re, stay * b.im + where * a.im};
