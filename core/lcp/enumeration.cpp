@@ -17,15 +17,69 @@ Vector in_complementary_cone(const Matrix& M, const Vector& q, const std::vector
   const Index n = q.size();
   Matrix A = Matrix::Identity(n, n);
   for (const Index s : S) A.col(s) = -M.col(s);
-  // Farther from q than is_solution allows, a point of the span is no solution, nor is one of the cone.
-  constexpr double farthest = 1e-4;
-  const double distance = (A * Eigen::ColPivHouseholderQR<Matrix>(A).solve(q) - q).norm();
-  if (distance > farthest * std::sqrt(double(n)) * q.cwiseAbs().maxCoeff()) return Vector::Zero(n);
   const Vector x = nonnegative_least_squares(A, q);
   Vector y = Vector::Zero(n);
   y(S) = x(S);
   return y;
 }
+
+// A tree of active sets: at each node the indices from `undecided` on are decided, below it w_i and y_i may both be
+// positive. Where q is not in the cone of the columns that are left, no set of that branch has a solution.
+class Tree {
+ public:
+  using Admissible = std::function<bool(const std::vector<Index>&)>;
+
+  Tree(const Matrix& M, const Vector& q, const Admissible& admissible)
+      : M_(M), q_(q), admissible_(admissible), is_active_(std::size_t(q.size()), 0) {}
+
+  std::optional<Vector> first(Index undecided) {
+    if (undecided == 0) return of_set();
+    if (is_out_of_reach(undecided)) return std::nullopt;
+    char& active = is_active_[std::size_t(undecided - 1)];
+    for (active = 0; active < 2; ++active)
+      if (auto y = first(undecided - 1)) return y;
+    return std::nullopt;
+  }
+
+ private:
+  // By a vector that separates q from the cone: the residual r of nonnegative least squares, with A^T r <= 0 but for
+  // rounding. Farther from the cone than this, is_solution accepts nothing.
+  bool is_out_of_reach(Index undecided) const {
+    constexpr double farthest = 1e-4, rounding = 1e-10;
+    const Index n = q_.size();
+    Matrix A(n, n + undecided);
+    for (Index i = 0; i < n; ++i)
+      A.col(i) = i >= undecided && is_active_[std::size_t(i)] ? Vector(-M_.col(i)) : Vector::Unit(n, i);
+    A.rightCols(undecided) = -M_.leftCols(undecided);
+    const Vector r = q_ - A * nonnegative_least_squares(A, q_);
+    const double distance = r.norm();
+    return distance > farthest * std::sqrt(double(n)) * q_.cwiseAbs().maxCoeff() &&
+           (A.transpose() * r).maxCoeff() <= rounding * distance * A.colwise().norm().maxCoeff();
+  }
+
+  std::optional<Vector> of_set() const {
+    const Index n = q_.size();
+    std::vector<Index> S;
+    for (Index i = 0; i < n; ++i)
+      if (is_active_[std::size_t(i)]) S.push_back(i);
+    if (!admissible_(S)) return std::nullopt;
+    Vector y = Vector::Zero(n);
+    if (!S.empty()) {
+      const Eigen::PartialPivLU<Matrix> lu(M_(S, S));
+      if (reciprocal_condition(lu) > 1e-13)
+        y(S) = Vector(lu.solve(-q_(S))).cwiseMax(0);
+      else
+        y = in_complementary_cone(M_, q_, S);
+    }
+    if (is_solution(M_, q_, y)) return y;
+    return std::nullopt;
+  }
+
+  const Matrix& M_;
+  const Vector& q_;
+  const Admissible& admissible_;
+  std::vector<char> is_active_;
+};
 
 }  // namespace
 
@@ -63,21 +117,7 @@ Vector nonnegative_least_squares(const Matrix& A, const Vector& b) {
 
 std::optional<Vector> solve_by_enumeration(const Matrix& M, const Vector& q,
                                            const std::function<bool(const std::vector<Index>&)>& admissible) {
-  const Index n = q.size();
-  for (unsigned set = 0; set < 1u << n; ++set) {
-    const std::vector<Index> S = members(set, n);
-    if (!admissible(S)) continue;
-    Vector y = Vector::Zero(n);
-    if (!S.empty()) {
-      const Eigen::PartialPivLU<Matrix> lu(M(S, S));
-      if (reciprocal_condition(lu) > 1e-13)
-        y(S) = Vector(lu.solve(-q(S))).cwiseMax(0);
-      else
-        y = in_complementary_cone(M, q, S);
-    }
-    if (is_solution(M, q, y)) return y;
-  }
-  return std::nullopt;
+  return Tree(M, q, admissible).first(q.size());
 }
 
 }  // namespace bromwich
