@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace bromwich {
 
@@ -32,29 +33,50 @@ class Tree {
   Tree(const Matrix& M, const Vector& q, const Admissible& admissible)
       : M_(M), q_(q), admissible_(admissible), is_active_(std::size_t(q.size()), 0) {}
 
-  std::optional<Vector> first(Index undecided) {
-    if (undecided == 0) return of_set();
-    if (is_out_of_reach(undecided)) return std::nullopt;
-    char& active = is_active_[std::size_t(undecided - 1)];
-    for (active = 0; active < 2; ++active)
-      if (auto y = first(undecided - 1)) return y;
-    return std::nullopt;
+  std::optional<Vector> first() {
+    const Point root = nearest(q_.size());
+    return root.out_of_reach ? std::nullopt : first_below(q_.size(), root);
   }
 
  private:
-  // By a vector that separates q from the cone: the residual r of nonnegative least squares, with A^T r <= 0 but for
-  // rounding. Farther from the cone than this, is_solution accepts nothing.
-  bool is_out_of_reach(Index undecided) const {
+  /// w - M y, nearest to q in the cone of a node.
+  struct Point {
+    Vector w, y;
+    bool out_of_reach;
+  };
+
+  std::optional<Vector> first_below(Index undecided, const Point& p) {
+    if (undecided == 0) return of_set();
+    const Index i = undecided - 1;
+    for (const bool active : {false, true}) {
+      is_active_[std::size_t(i)] = active;
+      // Without the column that the branch lacks the point of the node is one of the branch.
+      const bool stays = (active ? p.w : p.y)[i] == 0;
+      const Point next = stays ? p : nearest(i);
+      if (next.out_of_reach) continue;
+      if (auto y = first_below(i, next)) return y;
+    }
+    return std::nullopt;
+  }
+
+  // Out of reach by a vector that separates q from the cone: the residual r of nonnegative least squares, with A^T r <=
+  // 0 but for rounding. Farther from the cone than this, is_solution accepts nothing.
+  Point nearest(Index undecided) const {
     constexpr double farthest = 1e-4, rounding = 1e-10;
     const Index n = q_.size();
     Matrix A(n, n + undecided);
     for (Index i = 0; i < n; ++i)
       A.col(i) = i >= undecided && is_active_[std::size_t(i)] ? Vector(-M_.col(i)) : Vector::Unit(n, i);
     A.rightCols(undecided) = -M_.leftCols(undecided);
-    const Vector r = q_ - A * nonnegative_least_squares(A, q_);
+    const Vector x = nonnegative_least_squares(A, q_), r = q_ - A * x;
+    Point p{x.head(n), Vector::Zero(n), false};
+    p.y.head(undecided) = x.tail(undecided);
+    for (Index i = undecided; i < n; ++i)
+      if (is_active_[std::size_t(i)]) std::swap(p.w[i], p.y[i]);
     const double distance = r.norm();
-    return distance > farthest * std::sqrt(double(n)) * q_.cwiseAbs().maxCoeff() &&
-           (A.transpose() * r).maxCoeff() <= rounding * distance * A.colwise().norm().maxCoeff();
+    p.out_of_reach = distance > farthest * std::sqrt(double(n)) * q_.cwiseAbs().maxCoeff() &&
+                     (A.transpose() * r).maxCoeff() <= rounding * distance * A.colwise().norm().maxCoeff();
+    return p;
   }
 
   std::optional<Vector> of_set() const {
@@ -117,7 +139,7 @@ Vector nonnegative_least_squares(const Matrix& A, const Vector& b) {
 
 std::optional<Vector> solve_by_enumeration(const Matrix& M, const Vector& q,
                                            const std::function<bool(const std::vector<Index>&)>& admissible) {
-  return Tree(M, q, admissible).first(q.size());
+  return Tree(M, q, admissible).first();
 }
 
 }  // namespace bromwich
