@@ -94,7 +94,7 @@ struct RowRank {
         append(rest, b.rows, Matrix::Identity(rows, rows));
         continue;
       }
-      const Eigen::BDCSVD<Matrix> svd(A(b.rows, b.columns), Eigen::ComputeFullU);
+      const Eigen::JacobiSVD<Matrix> svd(A(b.rows, b.columns), Eigen::ComputeFullU);
       Index rank = 0;
       while (rank < most && svd.singularValues()[rank] > same_rank) ++rank;
       append(range, b.rows, svd.matrixU().leftCols(rank));
@@ -160,7 +160,7 @@ struct Factors {
       append(open, b.columns, Matrix::Identity(E.cols(), E.cols()));
       return;
     }
-    const Eigen::BDCSVD<Matrix> svd(E, Eigen::ComputeFullU | Eigen::ComputeFullV);
+    const Eigen::JacobiSVD<Matrix> svd(E, Eigen::ComputeFullU | Eigen::ComputeFullV);
     const Vector& values = svd.singularValues();
     Index rank = 0;
     while (rank < values.size() && values[rank] > same_rank * std::max(1.0, values[0])) ++rank;
@@ -185,7 +185,7 @@ struct Factors {
 
 using Precise = Eigen::Matrix<long double, Eigen::Dynamic, Eigen::Dynamic>;
 
-Matrix product(const Precise& left, const Matrix& right) { return (left * right.cast<long double>()).cast<double>(); }
+Matrix product(const Precise& left, const Matrix& right) { return left.lazyProduct(right.cast<long double>()).cast<double>(); }
 
 // Entries of Y up to 64 eps times these can go, and E Y + C = 0 still holds but for rounding of its terms.
 Matrix unseen(const Matrix& E, const Matrix& Y, const Matrix& C) {
@@ -208,9 +208,9 @@ bool determine_y(const SystemMatrices& s, const std::vector<Index>& active, cons
   // fewer digits than E has. Zeros between blocks of E are known to rounding of the largest block: they are entries
   // that the first step changes as much as what it leaves.
   const Precise found = factors.inverse.cast<long double>(), precise_E = E.cast<long double>();
-  const Precise twice = 2 * Precise::Identity(E.rows(), E.rows()), refined = found * (twice - precise_E * found);
+  const Precise twice = 2 * Precise::Identity(E.rows(), E.rows()), refined = found.lazyProduct(Precise(twice - precise_E.lazyProduct(found)));
   const auto zero = (refined.cwiseAbs().array() <= 2 * (refined - found).cwiseAbs().array()).eval();
-  const Precise inverse = zero.select(0, refined * (twice - precise_E * refined));
+  const Precise inverse = zero.select(0, Precise(refined.lazyProduct(Precise(twice - precise_E.lazyProduct(refined)))));
   const Jet of_active = of_blocks([&inverse](const Matrix& c) { return product(-inverse, c); }, C);
   // Coefficients of rounding are zero: values of y that vanish in the mode would have a sign otherwise.
   y = of_blocks(
@@ -336,7 +336,7 @@ std::optional<SwitchedMode> make_switched_mode(const SystemMatrices& s, const st
     C = stacked(rows_of(C, kept), derivative(constraints, s.A));
     E = next;
   }
-  mode.A = (s.A.cast<long double>() + s.B.cast<long double>() * mode.y.x.cast<long double>()).cast<double>();
+  mode.A = (s.A.cast<long double>() + s.B.cast<long double>().lazyProduct(mode.y.x.cast<long double>())).cast<double>();
   mode.w = seen + s.M * mode.y;
   for (const Jet* rows : {&mode.y, &mode.conditions}) {
     mode.uses_df = mode.uses_df || (rows->df.array() != 0).any();

@@ -4,6 +4,8 @@
 
 #include <Eigen/Dense>
 
+#include <algorithm>
+
 namespace bromwich {
 
 namespace {
@@ -16,9 +18,12 @@ struct Eigenvectors {
   Lanes re, im;
   Eigen::Matrix<double, s + 1, s> left;   ///< real and imaginary parts of the rows of W^{-1}
   Eigen::Matrix<double, s, s + 1> right;  ///< of the columns of W, for the real part of a product
+  Eigen::Matrix<double, s, s> stages;     ///< S itself
 
   Eigenvectors() {
-    const auto& all = Collocation::get().eigenvalues;
+    const Collocation& c = Collocation::get();
+    stages = c.integrals.leftCols(s) * c.stages.leftCols(s).inverse();
+    const auto& all = c.eigenvalues;
     for (Index k = 0; k < lanes; ++k) {
       const Collocation::Eigenvalue& e = all[std::size_t(k)];
       re[k] = e.value.real(), im[k] = e.value.imag();
@@ -56,9 +61,60 @@ template <class Complex>
   a = first;
 }
 
+// The states on which each depends, itself among them: 1 where it does.
+Matrix dependence(const Matrix& A) {
+  Matrix all = (A.array() != 0).cast<double>();
+  all.diagonal().setOnes();
+  for (Index k = 0; k < A.rows(); ++k)
+    for (Index i = 0; i < A.rows(); ++i)
+      if (all(i, k) != 0) all.row(i) = all.row(i).cwiseMax(all.row(k));
+  return all;
+}
+
+// Strongly connected blocks of states. Those that depend on fewer come first.
+std::vector<std::vector<Index>> blocks_of(const Matrix& depends) {
+  std::vector<std::vector<Index>> blocks;
+  for (Index i = 0; i < depends.rows(); ++i) {
+    const auto is_mine = [&](const std::vector<Index>& b) { return depends(i, b[0]) != 0 && depends(b[0], i) != 0; };
+    const auto mine = std::find_if(blocks.begin(), blocks.end(), is_mine);
+    if (mine == blocks.end())
+      blocks.push_back({i});
+    else
+      mine->push_back(i);
+  }
+  std::stable_sort(blocks.begin(), blocks.end(),
+                   [&](const auto& a, const auto& b) { return depends.row(a[0]).sum() < depends.row(b[0]).sum(); });
+  return blocks;
+}
+
 }  // namespace
 
-StageSystems::StageSystems(const Matrix& A) : H_(A) {
+StageSystems::StageSystems(const Matrix& A) {
+  const Matrix depends = dependence(A);
+  std::vector<char> is_before(std::size_t(A.rows()), 0);
+  for (const std::vector<Index>& states : blocks_of(depends)) {
+    std::vector<Index> others;
+    for (Index k = 0; k < A.rows(); ++k)
+      if (is_before[std::size_t(k)] && !A(states, k).isZero(0)) others.push_back(k);
+    for (const Index i : states) is_before[std::size_t(i)] = 1;
+    parts_.push_back({states, others, A(states, others), Block(A(states, states))});
+  }
+}
+
+void StageSystems::solve(double h, const AtStages& right, AtStages& x) {
+  x.resize(Eigen::NoChange, right.cols());
+  for (Part& part : parts_) {
+    part_ = right(Eigen::all, part.states);
+    if (!part.others.empty()) {
+      driven_.noalias() = x(Eigen::all, part.others) * part.by_others.transpose();
+      part_.noalias() += h * (eigenvectors().stages * driven_);
+    }
+    part.block.solve(h, part_);
+    x(Eigen::all, part.states) = part_;
+  }
+}
+
+StageSystems::Block::Block(const Matrix& A) : H_(A) {
   const Index m = A.rows();
   const Balanced b = balanced(A);
   to_ = b.D.cwiseInverse().asDiagonal();
@@ -77,13 +133,13 @@ StageSystems::StageSystems(const Matrix& A) : H_(A) {
 }
 
 // An entry of I - z H.
-StageSystems::ComplexLanes StageSystems::shifted(Index row, Index column) const {
+StageSystems::ComplexLanes StageSystems::Block::shifted(Index row, Index column) const {
   const double h = H_(row, column), one = row == column;
   return {one - h * z_.re, -h * z_.im};
 }
 
 // With partial pivoting in each lane. Row k of U is what is left of row k and row k+1 with the larger first entry.
-void StageSystems::factor(double h) {
+void StageSystems::Block::factor(double h) {
   const Eigenvectors& e = eigenvectors();
   h_ = h;
   z_ = {h * e.re, h * e.im};
@@ -111,12 +167,11 @@ void StageSystems::factor(double h) {
   inverse_[std::size_t(m - 1)] = inverse(row[0]);
 }
 
-void StageSystems::solve(double h, const AtStages& right, AtStages& x) {
+void StageSystems::Block::solve(double h, AtStages& x) {
   const Index m = H_.rows();
-  if (m == 0) return void(x = right);
   if (h != h_) factor(h);
   const Eigenvectors& e = eigenvectors();
-  sides_.noalias() = e.left * (right * to_);
+  sides_.noalias() = e.left * (x * to_);
   const auto side = [this](Index k) {
     return ComplexLanes{sides_.col(k).head<lanes>().array(), sides_.col(k).tail<lanes>().array()};
   };
