@@ -11,8 +11,10 @@ namespace bromwich::circuits {
 
 namespace {
 
-/// Larger resistances of open diodes and switches count as none: rounding would decide the signs of what they carry.
+/// Beside other elements larger resistances of open diodes and switches count as none: rounding would decide the signs
+/// of what they carry.
 constexpr double largest_off = 1e7;
+constexpr int of_current = 5;  ///< the rank of sources of current
 
 Index node(const std::map<std::string, Index>& nodes, const std::string& name) { return nodes.at(name); }
 
@@ -89,9 +91,26 @@ std::map<std::string, Index> number_nodes(const Netlist& netlist) {
   return nodes;
 }
 
-bool opens(const Element& e) {
-  const double off = e.kind == 'D' ? e.diode.off : e.gate.off;
-  return !(off <= largest_off);
+bool opens(const Element& e) { return std::isinf(e.kind == 'D' ? e.diode.off : e.gate.off); }
+
+std::vector<std::string> open_large_resistances(Netlist& netlist, const std::map<std::string, Index>& nodes) {
+  const auto off = [](Element& e) -> double* {
+    if (e.kind == 'D') return &e.diode.off;
+    return e.kind == 'S' || e.kind == 'W' ? &e.gate.off : nullptr;
+  };
+  Forest others{Index(nodes.size())};
+  for (Element& e : netlist.elements)
+    if (const double* r = off(e); rank_of(e, false) < of_current && (!r || *r <= largest_off))
+      others.join(node(nodes, e.nodes[0]), node(nodes, e.nodes[1]));
+  std::vector<std::string> opened;
+  for (Element& e : netlist.elements) {
+    double* r = off(e);
+    if (!r || *r <= largest_off || std::isinf(*r)) continue;
+    if (others.root(node(nodes, e.nodes[0])) != others.root(node(nodes, e.nodes[1]))) continue;
+    *r = INFINITY;
+    opened.push_back(e.name);
+  }
+  return opened;
 }
 
 NormalTree normal_tree(const Netlist& netlist, const std::map<std::string, Index>& nodes) {

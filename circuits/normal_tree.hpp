@@ -22,6 +22,9 @@ std::map<std::string, Index> number_nodes(const Netlist&);
 
 /// Whether a diode or switch has no parallel resistance.
 bool opens(const Element&);
+/// Takes Roff above 1e7 ohm away from diodes and switches, but where nothing else joins their ends: there it states the
+/// voltage between two parts of the circuit. Returns the names of these elements.
+std::vector<std::string> open_large_resistances(Netlist&, const std::map<std::string, Index>& nodes);
 
 /// In the order V, E, H, ideal windings; C; R; open switches and diodes; L; I, F, G. Throws Error naming the element
 /// where voltage sources close a loop, or current sources alone lead to a node.

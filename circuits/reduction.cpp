@@ -349,13 +349,18 @@ class Reducer {
 
 }  // namespace
 
-Reduction reduce(const Netlist& netlist) {
+Reduction reduce(const Netlist& given) {
+  Netlist netlist = given;
+  const std::vector<std::string> opened = open_large_resistances(netlist, number_nodes(netlist));
   std::vector<char> remembers;
   for (const Element& e : netlist.elements) remembers.push_back(e.thyristor.has_value());
   for (;;) {
     Reducer reducer(netlist, remembers);
     Reduction made = reducer.run();
-    if (reducer.controlled().empty()) return made;
+    if (reducer.controlled().empty()) {
+      if (!opened.empty()) made.notes.push_back(fmt::format("Roff of {} counts as open", fmt::join(opened, ", ")));
+      return made;
+    }
     for (const Index i : reducer.controlled()) remembers[std::size_t(i)] = 1;
   }
 }

@@ -69,6 +69,29 @@ TEST(Circuit, CapacitorsInLoops) {
   EXPECT_NEAR(found.at("I(V1)"), -current, 1e-6 * current);
 }
 
+// A part that diodes alone join to the rest: their resistances, however large, state its voltage. By symmetry V(p) +
+// V(n) is V(s) + V(b), open and closed.
+TEST(Circuit, LargeResistancesHoldPartsThatFloat) {
+  for (const char* off : {"1Meg", "1e9", "1e12"}) {
+    const Circuit c = circuit_of(
+        std::string("Vin a b SIN(0 325 50)\nRg b 0 1k\nRs a s 0.5\nD1 s p DI\nD2 b p DI\nD3 n s DI\nD4 n b DI\n"
+                    "C1 p n 100u\nR1 p n 200\n.model DI D(Ron=10m Vfwd=0 Roff=") +
+        off + ")\n.tran 100u 30m uic\n");
+    EXPECT_TRUE(c.reduction.open.empty()) << off;
+    for (const auto& v : values(c, {3e-3, 8e-3, 9.7e-3, 14e-3, 21e-3, 29e-3}))
+      EXPECT_NEAR(v.at("V(p)") + v.at("V(n)"), v.at("V(s)") + v.at("V(b)"), 1e-3) << off;
+  }
+}
+
+// Beside other paths they count as open.
+TEST(Circuit, LargeResistancesBesideOthersAreOpen) {
+  const Circuit c =
+      circuit_of("V1 a 0 SIN(0 10 50)\nD1 a b DI\nR1 b 0 10\nC1 b 0 1m\n.model DI D(Roff=1e9)\n.tran 20m uic\n");
+  EXPECT_EQ(c.reduction.open, (std::vector<std::string>{"D1"}));
+  ASSERT_FALSE(c.notes.empty());
+  EXPECT_EQ(c.notes.back(), "Roff of D1 counts as open");
+}
+
 // An ideal transformer of ratio 3: R2 is seen as R2 / 9 beside the magnetising inductance.
 TEST(Circuit, WindingsWithFullCoupling) {
   const Circuit c = circuit_of("V1 in 0 1\nR1 in a 1\nL1 a 0 1m\nL2 b 0 9m\nK1 L1 L2 1\nR2 b 0 9\n.tran 5m uic\n");
