@@ -389,4 +389,12 @@ EventSolution integrate_with_events(const Scene& scene, LcpClass lcp_class, cons
   return EventIntegration(scene, lcp_class, breakpoints, options).run();
 }
 
+Vector largest_values(const EventSolution& s, Matrix EventPiece::*which) {
+  Vector largest = Vector::Zero((s.pieces.front().*which).cols());
+  for (const EventPiece& p : s.pieces)
+    for (const double part : {0.0, 0.5, 1.0})
+      largest = largest.cwiseMax(((p.*which).transpose() * legendre(part * (p.end - p.begin) / p.length)).cwiseAbs());
+  return largest;
+}
+
 }  // namespace bromwich

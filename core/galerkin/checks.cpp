@@ -57,9 +57,10 @@ void require_independent_rows(const BoundaryCondition& c) {
 }
 
 void refuse_open_mode(double reciprocal_condition) {
-  throw Error("boundary", text("E0 + ET e^{TA} is singular (reciprocal condition %.1e)", reciprocal_condition),
-              "without y a mode is left open (periodic: one that is kept, or whose period divides T); use method shooting, "
-              "give conditions that determine the states of the scene without y, or damp the mode");
+  throw Error(
+      "boundary", text("E0 + ET e^{TA} is singular (reciprocal condition %.1e)", reciprocal_condition),
+      "without y a mode is left open (periodic: one that is kept, or whose period divides T); use method shooting, "
+      "give conditions that determine the states of the scene without y, or damp the mode");
 }
 
 double require_determined_states(const GalerkinProblem& p) {

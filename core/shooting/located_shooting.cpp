@@ -161,7 +161,7 @@ class LocatedShooting {
   void set_sizes() {
     Vector y = Vector::Zero(scene_.constraints());
     for (const EventPiece& p : now_.flow.pieces) y = y.cwiseMax(p.y.cwiseAbs().colwise().sum().transpose());
-    size_ = sizes_of(now_.flow).cwiseMax(least_size * by_y_ * y);
+    size_ = largest_values(now_.flow, &EventPiece::x).cwiseMax(least_size * by_y_ * y);
   }
 
   void start_in_modes(Vector& x) const {
@@ -348,14 +348,6 @@ EventSolution integrate_closely(const Scene& scene, LcpClass lcp_class, const st
 Vector end_of_flow(const EventSolution& s) {
   const EventPiece& last = s.pieces.back();
   return last.x.transpose() * legendre((last.end - last.begin) / last.length);
-}
-
-Vector sizes_of(const EventSolution& s) {
-  Vector size = Vector::Zero(s.pieces.front().x.cols());
-  for (const EventPiece& p : s.pieces)
-    for (const double at : {0.0, 0.5, 1.0})
-      size = size.cwiseMax((p.x.transpose() * legendre(at * (p.end - p.begin) / p.length)).cwiseAbs());
-  return size;
 }
 
 std::vector<Complex> multipliers_of(const Matrix& D) {

@@ -44,9 +44,8 @@ struct ShootingSolution {
 /// signs may be known then. The work is that of all.
 EventSolution integrate_closely(const Scene&, LcpClass lcp_class, const std::vector<double>& breakpoints, EventOptions);
 
-/// x(T) of a complete one, m values, and the largest values of the states.
+/// x(T) of a complete one, m values.
 Vector end_of_flow(const EventSolution&);
-Vector sizes_of(const EventSolution&);
 
 /// Eigenvalues of the derivative of x(T) by x(0), the largest first.
 std::vector<Complex> multipliers_of(const Matrix& D);

@@ -128,7 +128,7 @@ std::optional<Orbit> Orbits::from(const Vector& x0, double p, bool with_derivati
       return std::nullopt;
     }
   }
-  o.size = sizes_of(o.flow);
+  o.size = largest_values(o.flow, &EventPiece::x);
   o.F = o.condition.E0 * o.x0 + o.condition.ET * end_of_flow(o.flow) - o.condition.b;
   if (with_derivative) o.D = FlowDerivative(*s.scene).at_end(o.flow);
   o.form = form_of(o.flow, s.scene->constraints());

@@ -45,15 +45,6 @@ double bend(const EventSolution& s, const Result& r, const ComponentSizes& sizes
   return std::max(mean(of_y, sizes.of_y(r)), mean(of_x, sizes.of_x(r)));
 }
 
-// At the ends and in the middle of all pieces.
-Vector largest_of(const EventSolution& s, Matrix EventPiece::*which) {
-  Vector largest = Vector::Zero((s.pieces.front().*which).cols());
-  for (const EventPiece& p : s.pieces)
-    for (const double part : {0.0, 0.5, 1.0})
-      largest = largest.cwiseMax(((p.*which).transpose() * legendre(part * (p.end - p.begin) / p.length)).cwiseAbs());
-  return largest;
-}
-
 // The times behind t = 0 at which the state jumps.
 std::vector<double> jump_times(const EventSolution& s) {
   std::vector<double> times;
@@ -171,10 +162,10 @@ class EventControl {
   }
 
   void look_at_sizes(const EventSolution& s) {
-    sizes_.seen_y = largest_of(s, &EventPiece::y);
+    sizes_.seen_y = largest_values(s, &EventPiece::y);
     const DenseDynamics& d = *scene_.dynamics->small_state();
     const Vector rest = at_rest * motion_within(scene_.T, d.A) * (d.B.cwiseAbs() * sizes_.seen_y);
-    sizes_.seen_x = largest_of(s, &EventPiece::x).cwiseMax(rest)(components_);
+    sizes_.seen_x = largest_values(s, &EventPiece::x).cwiseMax(rest)(components_);
   }
 
   // So many rows that y and x are linear between them, where they are continuous.
