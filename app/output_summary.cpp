@@ -43,13 +43,15 @@ std::string error_line(const Result& result) {
                                                              : fmt::format("{:.1e} of the kernel", result.kernel_error);
   const std::string boundary =
       result.boundary_residual ? fmt::format(", {:.1e} of the boundary condition", *result.boundary_residual) : "";
+  // With a tolerance the line below has the estimate of all components.
   const std::string discretisation =
-      result.errors && !std::isnan(result.errors->discretisation) ? fmt::format("{:.2e}", result.errors->discretisation)
-      : !result.errors && result.error_estimate
-          ? fmt::format("about {:.1e} of {}", *result.error_estimate, estimated_quantity(result))
-          : "not estimated (--tol)";
-  return fmt::format("{:.2e} of the complementarity{}, {}, discretisation {}", result.residual, boundary, kernel,
-                     discretisation);
+      result.errors && !std::isnan(result.errors->discretisation)
+          ? fmt::format(", discretisation {:.2e}", result.errors->discretisation)
+      : result.errors && result.error_estimate ? ""
+      : result.error_estimate
+          ? fmt::format(", discretisation about {:.1e} of {}", *result.error_estimate, estimated_quantity(result))
+          : ", discretisation not estimated (--tol)";
+  return fmt::format("{:.2e} of the complementarity{}, {}{}", result.residual, boundary, kernel, discretisation);
 }
 
 std::string estimate_line(const Result& result) {

@@ -200,6 +200,7 @@ class Solver:
             if name not in OPTIONS:
                 raise Error(f"{name}: is no option of a solver; use {', '.join(sorted(OPTIONS))}", name)
         self._scene = scene
+        self._stated = options
         made = _options(scene, **options)
         self._iteration_tolerance = made.iteration_tolerance
         self._ranks = ranks_of(ranks, None)
@@ -210,6 +211,10 @@ class Solver:
     def scene(self) -> Scene:
         """As it was given."""
         return self._scene
+
+    def __repr__(self) -> str:
+        stated = "".join(f", {name} = {value!r}" for name, value in self._stated.items())
+        return f"<bromwich.Solver of {self._scene!r}{stated}>"
 
     def set_x0(self, x0: Any) -> None:
         """The state at t = 0, m values.

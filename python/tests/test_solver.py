@@ -76,3 +76,10 @@ def test_one_solve_without_confirmation():
     np.testing.assert_allclose(alone.x, confirmed.x, rtol=1e-9)
     with pytest.raises(bromwich.Error, match="confirm"):
         bromwich.solve(growing, tol=1e-3, confirm=False)
+
+
+def test_says_what_it_solves():
+    scene = bromwich.Scene(A=-1, B=1, N=1, M=1, x0=0.5, T=1, name="leak")
+    assert repr(bromwich.Solver(scene, steps=10)) == (
+        "<bromwich.Solver of <bromwich.Scene 'leak': 1 states (dense), 1 constraints, initial values, T = 1>, steps = 10>"
+    )
