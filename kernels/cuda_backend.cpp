@@ -32,7 +32,7 @@ double free_memory(const cuda::Device& device) {
 
 constexpr Index most_states_of_host = 16;  ///< of a shifted solve that takes less time than a launch
 
-class CudaBackend final : public Backend, public SharedMemory, public ChunkMarcher {
+class CudaBackend final : public Backend, public SharedMemory, public ChunkMarcher, public PointResponder {
  public:
   CudaBackend(std::unique_ptr<Backend> host, int number, std::string device_name)
       : Backend("cuda", cuda_traits()),
@@ -130,6 +130,10 @@ class CudaBackend final : public Backend, public SharedMemory, public ChunkMarch
 
   std::unique_ptr<ChunkMarch> chunk_march(const ChunkMarchProblem& problem) override {
     return cuda::make_chunk_march(device_, problem);
+  }
+
+  std::unique_ptr<PointResponses> point_responses(const PointResponseProblem& problem) override {
+    return cuda::make_point_responses(device_, *host_, problem);
   }
 
   std::unique_ptr<Array> array(Index rows, Index cols) override {

@@ -2,6 +2,7 @@
 // The makers of the plans of kernels/.
 
 #include "core/seam/chunk_march.hpp"
+#include "core/seam/point_responses.hpp"
 #include "core/seam/scene_arrays.hpp"
 #include "core/seam/scene_march.hpp"
 #include "kernels/device.hpp"
@@ -81,6 +82,9 @@ template <Index m, bool continuous>
 std::unique_ptr<ChunkMarch> make_chunks(const Device&, const ChunkMarchProblem&);
 /// Null for sizes that it does not take.
 std::unique_ptr<ChunkMarch> make_chunk_march(const Device&, const ChunkMarchProblem&);
+
+/// Of core/seam/point_responses.hpp; the factors of the nodes by the threads of the host.
+std::unique_ptr<PointResponses> make_point_responses(const Device&, const HostThreads&, const PointResponseProblem&);
 
 /// Of core/seam/scene_arrays.hpp.
 std::unique_ptr<SceneArrays> make_scene_arrays(const Device&, const SceneArraysProblem&, Index scenes);
