@@ -32,6 +32,8 @@ double free_memory(const cuda::Device& device) {
 
 constexpr Index most_states_of_host = 16;  ///< of a shifted solve that takes less time than a launch
 
+constexpr Index fewest_sparse_states = 4096;  ///< of shifted solves by cuDSS
+
 class CudaBackend final : public Backend, public SharedMemory, public ChunkMarcher, public PointResponder {
  public:
   CudaBackend(std::unique_ptr<Backend> host, int number, std::string device_name)
@@ -93,6 +95,8 @@ class CudaBackend final : public Backend, public SharedMemory, public ChunkMarch
       if (const auto* d = dynamics->small_state(); d && d->A.rows() > most_states_of_host) return resolvent_(*d, nodes);
       if (const auto* d = dynamics->modes(); d && d->across.has_sine_modes() && !d->both_faces)
         return resolvent_(*d, nodes);
+      if (const auto* d = dynamics->matrices(); d && d->A.rows() >= fewest_sparse_states)
+        return cuda::sparse_resolvent(device_, *host_, dynamics, nodes);
       return host_->resolvent(dynamics, nodes);
     };
     fused_.slabs.move_rows = [this](const Array* from, Index first, Index ratio, Array& to, Index begin, Index count) {
