@@ -2,7 +2,7 @@
 // with contact along one side, or at ten points of it: by the host's elimination on one core and on all, and by a
 // device with cuDSS.
 //
-//     bromwich_sparse_shifts [--threads 16] [--repeats 5] [--out FILE.json]
+//     BROMWICH_CUDSS=auto bromwich_sparse_shifts [--threads 16] [--repeats 5] [--out FILE.json]
 //
 // Device: the first call of a pattern, which orders it, and later calls. cuDSS is loaded and started before.
 

@@ -87,9 +87,11 @@ LoadedCudss load_cudss(const std::string& file) {
 
 const LoadedCudss& cudss() {
   static const LoadedCudss loaded = [] {
-    const char* file = std::getenv("BROMWICH_CUDSS");
-    LoadedCudss found = load_cudss(file ? file : "");
-    if (file && *file && !found.functions)
+    const char* set = std::getenv("BROMWICH_CUDSS");
+    if (!set || !*set) return LoadedCudss{nullptr, "BROMWICH_CUDSS is not set", ""};
+    const std::string file = set;
+    LoadedCudss found = load_cudss(file == "auto" ? "" : file);
+    if (!found.functions)
       throw Error(
           "BROMWICH_CUDSS", found.missing,
           "name the file libcudss.so.1 of nvidia-cudss for this CUDA version, or unset it: the host solves then",

@@ -49,8 +49,9 @@ struct LoadedCudss {
 /// The library `file`, or, if that is empty, the one that the loader finds by its usual names. Never closed.
 LoadedCudss load_cudss(const std::string& file);
 
-/// That of the environment variable BROMWICH_CUDSS, or of the usual names; loaded by the first call. Throws Error if
-/// the variable is set and the library cannot be used.
+/// That of the environment variable BROMWICH_CUDSS, a file, or `auto` for the usual names; loaded by the first call.
+/// None if the variable is not set: it has not been shown that the library is faster than the cores of a host. Throws
+/// Error if it is set and the library cannot be used.
 const LoadedCudss& cudss();
 
 }  // namespace bromwich::cuda

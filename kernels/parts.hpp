@@ -92,7 +92,7 @@ std::unique_ptr<SceneArrays> make_scene_arrays(const Device&, const SceneArraysP
 /// Null for more than 32 states.
 std::unique_ptr<AffineChain> make_affine_chain(const Device&, const AffineChainSizes&);
 
-/// Shifted solves of sparse dynamics, by cuDSS where it is installed (kernels/cudss.hpp), otherwise and where it fails
+/// Shifted solves of sparse dynamics, by cuDSS where it is asked for (kernels/cudss.hpp), otherwise and where it fails
 /// by `host`. Waits for the results.
 ComplexMatrix sparse_resolvent(const Device&, Backend& host, const Dynamics&, const ComplexVector& nodes);
 

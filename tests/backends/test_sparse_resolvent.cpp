@@ -1,4 +1,4 @@
-// Shifted solves of sparse dynamics on a device by cuDSS, where it is installed, and how it is looked for.
+// Shifted solves of sparse dynamics on a device by cuDSS, where BROMWICH_CUDSS asks for it, and how it is looked for.
 
 #include "core/base/error.hpp"
 #include "core/dynamics/linear_system.hpp"
