@@ -40,6 +40,7 @@ constexpr auto benchmarks = std::to_array<Benchmark>({
     {"gpu", "the CUDA backend on signorini: one sweep in parts, whole solves, compared with the CPU", bench_gpu},
     {"contours", "the paper's contours for other spectra and for x0, against dense exponentials", bench_contours},
     {"convolution", "the two ways to apply the kernel: exponential scan and FFT", bench_convolution},
+    {"literal", "the paper to the letter, on one core, all cores and a device, compared with marching", bench_literal},
     {"dual", "cycles in w on contact: contraction, and time compared with marching on one core", bench_dual, true},
     {"multigrid", "cycles on signorini: contraction, and cost to reach a tenth of the discretisation error",
      bench_multigrid, true},

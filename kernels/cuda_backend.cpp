@@ -32,7 +32,9 @@ double free_memory(const cuda::Device& device) {
 
 constexpr Index most_states_of_host = 16;  ///< of a shifted solve that takes less time than a launch
 
-class CudaBackend final : public Backend, public SharedMemory, public ChunkMarcher {
+constexpr Index fewest_sparse_states = 4096;  ///< of shifted solves by cuDSS
+
+class CudaBackend final : public Backend, public SharedMemory, public ChunkMarcher, public PointResponder {
  public:
   CudaBackend(std::unique_ptr<Backend> host, int number, std::string device_name)
       : Backend("cuda", cuda_traits()),
@@ -93,6 +95,8 @@ class CudaBackend final : public Backend, public SharedMemory, public ChunkMarch
       if (const auto* d = dynamics->small_state(); d && d->A.rows() > most_states_of_host) return resolvent_(*d, nodes);
       if (const auto* d = dynamics->modes(); d && d->across.has_sine_modes() && !d->both_faces)
         return resolvent_(*d, nodes);
+      if (const auto* d = dynamics->matrices(); d && d->A.rows() >= fewest_sparse_states)
+        return cuda::sparse_resolvent(device_, *host_, dynamics, nodes);
       return host_->resolvent(dynamics, nodes);
     };
     fused_.slabs.move_rows = [this](const Array* from, Index first, Index ratio, Array& to, Index begin, Index count) {
@@ -130,6 +134,10 @@ class CudaBackend final : public Backend, public SharedMemory, public ChunkMarch
 
   std::unique_ptr<ChunkMarch> chunk_march(const ChunkMarchProblem& problem) override {
     return cuda::make_chunk_march(device_, problem);
+  }
+
+  std::unique_ptr<PointResponses> point_responses(const PointResponseProblem& problem) override {
+    return cuda::make_point_responses(device_, *host_, problem);
   }
 
   std::unique_ptr<Array> array(Index rows, Index cols) override {

@@ -2,6 +2,7 @@
 // The makers of the plans of kernels/.
 
 #include "core/seam/chunk_march.hpp"
+#include "core/seam/point_responses.hpp"
 #include "core/seam/scene_arrays.hpp"
 #include "core/seam/scene_march.hpp"
 #include "kernels/device.hpp"
@@ -82,11 +83,18 @@ std::unique_ptr<ChunkMarch> make_chunks(const Device&, const ChunkMarchProblem&)
 /// Null for sizes that it does not take.
 std::unique_ptr<ChunkMarch> make_chunk_march(const Device&, const ChunkMarchProblem&);
 
+/// Of core/seam/point_responses.hpp; the factors of the nodes by the threads of the host.
+std::unique_ptr<PointResponses> make_point_responses(const Device&, const HostThreads&, const PointResponseProblem&);
+
 /// Of core/seam/scene_arrays.hpp.
 std::unique_ptr<SceneArrays> make_scene_arrays(const Device&, const SceneArraysProblem&, Index scenes);
 
 /// Null for more than 32 states.
 std::unique_ptr<AffineChain> make_affine_chain(const Device&, const AffineChainSizes&);
+
+/// Shifted solves of sparse dynamics, by cuDSS where it is asked for (kernels/cudss.hpp), otherwise and where it fails
+/// by `host`. Waits for the results.
+ComplexMatrix sparse_resolvent(const Device&, Backend& host, const Dynamics&, const ComplexVector& nodes);
 
 /// Of core/seam/shared_memory.hpp.
 std::shared_ptr<double> numbers(Index values);

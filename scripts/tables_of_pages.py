@@ -15,7 +15,16 @@ from tables_galerkin import galerkin
 from tables_goal import adjoints, goal, goal_peers
 from tables_micro import micro
 from tables_paper import paper, times
-from tables_papers import case_one, galerkin_claims, goal_claims, laplace, multirate, nonlinear, nonlinear_device
+from tables_papers import (
+    case_one,
+    galerkin_claims,
+    goal_claims,
+    laplace,
+    literal_places,
+    multirate,
+    nonlinear,
+    nonlinear_device,
+)
 from tables_peers import headline as peers_headline
 from tables_peers import peers
 from tables_python import python
@@ -69,7 +78,11 @@ blocks = {
     },
     "docs/slabs.md": {"scale": ("scale", studies.scale)},
     "docs/nonlinear.md": {"nonlinear-short": ("nonlinear", short(nonlinear, tables=1, notes=("`",)))},
-    "docs/papers/laplace.md": {"papers-laplace": ("paper", laplace), "papers-times": ("paper", times)},
+    "docs/papers/laplace.md": {
+        "papers-laplace": ("paper", laplace),
+        "papers-times": ("paper", times),
+        "papers-literal": ("literal-gpu", literal_places),
+    },
     "docs/papers/galerkin.md": {"papers-galerkin": ("galerkin", galerkin_claims)},
     "docs/papers/goal.md": {"papers-goal": ("goal", goal_claims)},
     "docs/engineering.md": {"coverage": ("coverage", worth.coverage)},

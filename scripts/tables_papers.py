@@ -120,6 +120,22 @@ def laplace(paper):
     return table(["the paper", "here"], claims)
 
 
+def literal_places(data):
+    """The paper to the letter on one core, on all, and on a device, beside marching."""
+    rows = data["rows"]
+    sizes = sorted({(r["Q"], r["steps"]) for r in rows})
+    lines = []
+    for Q, J in sizes:
+        for method, P in (("contour-literal", 25), ("contour-literal", 64), ("contour", None), ("march", None)):
+            at = {r["place"]: r for r in pick(rows, Q=Q, steps=J, method=method, literal_nodes=P)}
+            time = lambda place: seconds(at[place]["seconds"]["median"]) if place in at else "-"
+            sweeps = seconds(at["device"]["sweeps_seconds"]) if P else "-"
+            lines.append((f"{Q:g}", J, f"`{method}`" + (f", P = {P}" if P else ""), time("one core"), time("all cores"),
+                          time("device"), sweeps, number(at["device"]["error_max"])))  # fmt: skip
+    header = ("Q", "J", "method", "one core", "all cores", "device", "in sweeps there", "error of y")
+    return [*table(header, lines), "", f"{data['parameters']['device']}; {evidence.origin(data)}."]
+
+
 def case_one(paper):
     """Table 4.1, Case I: shares of the time at dx = 1/40."""
     printed = {16: (47.5, 35.7, 4.5, 12.3), 32: (48.8, 34.7, 4, 12.5), 64: (46.1, 39.5, 4.3, 10.1), 128: (42.8, 42.4, 4.1, 10.7),

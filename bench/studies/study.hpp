@@ -60,6 +60,8 @@ BenchReport bench_goal(const BenchRequest& request, Backend& backend);
 /// Throws Error for a SCENE: it has its own.
 BenchReport bench_contours(const BenchRequest& request, Backend& backend);
 BenchReport bench_convolution(const BenchRequest& request, Backend& backend);
+/// Throws Error for another scene. Also on a CUDA device if there is one.
+BenchReport bench_literal(const BenchRequest& request, Backend& backend);
 /// Throws Error for another scene. Also on the CUDA backend if a device is found.
 BenchReport bench_dual(const BenchRequest& request, Backend& backend);
 /// Throws Error for another scene. Also on the CUDA backend if a device is found.

@@ -1,14 +1,18 @@
 #include "core/iteration/literal.hpp"
 
+#include "core/base/interruption.hpp"
 #include "core/base/timer.hpp"
 #include "core/kernel/kernel.hpp"
 #include "core/lcp/active_set.hpp"
 #include "core/numerics/literal_contour.hpp"
 #include "core/numerics/matrix_phi.hpp"
 #include "core/numerics/phi.hpp"
+#include "core/seam/point_responses.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <utility>
 
 namespace bromwich {
 
@@ -45,88 +49,63 @@ class Contours {
   ComplexVector eigenvalues_;
 };
 
-// One time point: R(z_p) for all nodes and the weights of y_0..y_j in the inner integrals.
-class TimePoint {
- public:
-  TimePoint(Backend& backend, const Dynamics& dynamics, Contour contour, Index j, double h)
-      : contour_(std::move(contour)), R_(backend.resolvent(dynamics, contour_.nodes)), j_(j), h_(h) {}
-
-  // Rows p: c_p times the weights of u_0, ..., u_j in ∫_0^{t_j} e^{z_p (t_j - s)} u(s) ds, u piecewise linear.
-  ComplexMatrix weights() const {
-    ComplexMatrix w(contour_.nodes.size(), j_ + 1);
-    for (Index p = 0; p < w.rows(); ++p) {
-      const Complex x = h_ * contour_.nodes[p], p1 = phi1(x), p2 = phi2(x), c = contour_.weights[p] * h_,
-                    step = std::exp(x);
-      w(p, j_) = c * p2;
-      Complex power = c;
-      for (Index l = j_ - 1; l >= 1; --l, power *= step) w(p, l) = power * p1 * p1;
-      w(p, 0) = power * (p1 - p2);
-    }
-    return w;
-  }
-
-  const ComplexMatrix& resolvent() const { return R_; }
-
- private:
-  Contour contour_;
-  ComplexMatrix R_;
-  Index j_;
-  double h_;
+// Nodes of some time points beside each other, and R = N (zI - A)^{-1} B at all of them by one call.
+struct SolvedPoints {
+  PointContours contours;
+  ComplexMatrix R;
 };
 
+constexpr double group_bytes = double(1 << 28);  ///< of R, as far as every point has as many nodes as the first one
+
+// use(points) for all time points, in groups of bounded memory; `values` of R at a node.
+template <class ContourAt, class Use>
+void solve_in_groups(const DiscreteProblem& p, const Dynamics& dynamics, Index values, const ContourAt& at,
+                     const Use& use) {
+  const double bytes = double(sizeof(Complex)) * double(values) * double(at(p.t[1]).nodes.size());
+  const Index most = Index(std::clamp(group_bytes / (1 + bytes), 1.0, double(p.J)));
+  for (Index first = 1; first <= p.J; first += most) {
+    check_interruption();
+    std::vector<Contour> contours(std::size_t(std::min(most, p.J + 1 - first)));
+    share_each(p.backend, Index(contours.size()), [&](Index i) { contours[std::size_t(i)] = at(p.t[first + i]); });
+    SolvedPoints points{{first, {0}, {}, {}}, {}};
+    for (const Contour& c : contours) points.contours.begin.push_back(points.contours.begin.back() + c.nodes.size());
+    points.contours.nodes.resize(points.contours.begin.back());
+    points.contours.weights.resize(points.contours.begin.back());
+    for (std::size_t i = 0; i < contours.size(); ++i) {
+      points.contours.nodes.segment(points.contours.begin[i], contours[i].nodes.size()) = contours[i].nodes;
+      points.contours.weights.segment(points.contours.begin[i], contours[i].nodes.size()) = contours[i].weights;
+    }
+    points.R = p.backend.resolvent(dynamics, points.contours.nodes);
+    use(points);
+  }
+}
+
+// With `inputs` columns of u: those of y, or of the source.
 class LiteralKernel {
  public:
-  LiteralKernel(const DiscreteProblem& p, const Dynamics& dynamics, const Contours& contours)
-      : backend_(p.backend), modal_(p.modes() != nullptr), n_(p.scene.constraints()) {
-    points_.reserve(std::size_t(p.J));
-    for (Index j = 1; j <= p.J; ++j) points_.emplace_back(backend_, dynamics, contours.at(double(j) * p.h), j, p.h);
-    if (!modal_) return;
-    face_ = backend_.face_transforms(p.face(), p.J + 1);
-    modes_ = backend_.array(p.J + 1, n_);
-    result_ = backend_.array(p.J + 1, n_);
+  LiteralKernel(const DiscreteProblem& p, const Dynamics& dynamics, const Contours& contours, Index inputs)
+      : responses_(make_point_responses(p.backend, {p.h, inputs, p.scene.constraints(), p.modes() != nullptr})) {
+    const Index n = p.scene.constraints();
+    solve_in_groups(
+        p, dynamics, p.modes() ? n : n * inputs, [&](double t) { return contours.at(t); },
+        [&](SolvedPoints& points) { responses_->add(points.contours, std::move(points.R)); });
+    if (!p.modes()) return;
+    face_ = p.backend.face_transforms(p.face(), p.J + 1);
+    modes_ = p.backend.array(p.J + 1, n);
+    result_ = p.backend.array(p.J + 1, n);
   }
 
-  // v_j for inputs u (constraints, or constraints and sources).
-  RowMatrix respond(const RowMatrix& u) const {
-    RowMatrix v = RowMatrix::Zero(u.rows(), n_);
-    for (Index j = 1; j < u.rows(); ++j) {
-      const TimePoint& point = points_[std::size_t(j - 1)];
-      const ComplexMatrix integrals = point.weights() * u.topRows(j + 1).cast<Complex>();
-      const ComplexMatrix& R = point.resolvent();
-      if (modal_) {
-        v.row(j) = R.cwiseProduct(integrals).colwise().sum().real();
-        continue;
-      }
-      for (Index i = 0; i < n_; ++i)
-        v(j, i) = R.middleCols(i * u.cols(), u.cols()).cwiseProduct(integrals).sum().real();
-    }
-    return v;
-  }
-
-  void apply(const Array& y, Array& v) const {
-    RowMatrix u;
-    if (!modal_) {
-      backend_.download(y, u);
-      backend_.upload(respond(u), v);
-      return;
-    }
-    face_.to_modes->apply(y, nullptr, *modes_, 0);
-    backend_.download(*modes_, u);
-    backend_.upload(respond(u), *result_);
+  void apply(const Array& u, Array& v) const {
+    if (!modes_) return responses_->apply(u, v);
+    face_.to_modes->apply(u, nullptr, *modes_, 0);
+    responses_->apply(*modes_, *result_);
     face_.to_points->apply(*result_, nullptr, v, 0);
   }
 
-  std::size_t bytes() const {
-    std::size_t total = 0;
-    for (const TimePoint& point : points_) total += sizeof(Complex) * std::size_t(point.resolvent().size());
-    return total;
-  }
+  std::size_t bytes() const { return responses_->bytes(); }
 
  private:
-  Backend& backend_;
-  bool modal_;
-  Index n_;
-  std::vector<TimePoint> points_;
+  std::unique_ptr<PointResponses> responses_;
   FaceTransforms face_;
   std::unique_ptr<Array> modes_, result_;
 };
@@ -142,7 +121,8 @@ RowMatrix initial_trace(const DiscreteProblem& p) {
     if (!real) return kronecker_initial_response(p);
     const RowMatrix lines = x0_in_modes(p.backend, *d, p.scene.x0, false);
     out.row(0) = contour_initial_response(*d, second, lines, p.h, 0).row(0);
-    for (Index j = 1; j <= p.J; ++j) out.row(j) = contour_initial_response(*d, second, lines, p.t[j], 1).row(1);
+    share_each(p.backend, p.J,
+               [&](Index i) { out.row(i + 1) = contour_initial_response(*d, second, lines, p.t[i + 1], 1).row(1); });
     return out;
   }
   const DenseDynamics& d = *p.small_state();
@@ -152,11 +132,17 @@ RowMatrix initial_trace(const DiscreteProblem& p) {
   DenseDynamics start = d;
   start.B = p.scene.x0;
   out.row(0) = d.N * p.scene.x0;
-  for (Index j = 1; j <= p.J; ++j) {
-    const Contour contour = window_contour(second, p.t[j]);
-    const ComplexVector factors = contour.weights.array() * (p.t[j] * contour.nodes.array()).exp();
-    out.row(j) = (factors.transpose() * p.backend.resolvent(start, contour.nodes)).real();
-  }
+  solve_in_groups(
+      p, start, out.cols(), [&](double t) { return window_contour(second, t); },
+      [&](const SolvedPoints& points) {
+        const PointContours& c = points.contours;
+        for (Index i = 0; i < c.points(); ++i) {
+          const Index begin = c.begin[std::size_t(i)], count = c.begin[std::size_t(i + 1)] - begin, j = c.first + i;
+          const ComplexVector factors =
+              c.weights.segment(begin, count).array() * (p.t[j] * c.nodes.segment(begin, count).array()).exp();
+          out.row(j) = (factors.transpose() * points.R.middleRows(begin, count)).real();
+        }
+      });
   return out;
 }
 
@@ -185,7 +171,11 @@ RowMatrix literal_response(const DiscreteProblem& p, const LiteralKernel& kernel
   } else if (p.f.size() > 0) {
     DenseDynamics source = *p.small_state();
     source.B = source_matrix(p);
-    r += LiteralKernel(p, source, contours).respond(p.f.table());
+    const auto f = p.backend.array(rows, source.B.cols());
+    p.backend.upload(p.f.table(), *f);
+    LiteralKernel(p, source, contours, source.B.cols()).apply(*f, *out);
+    p.backend.download(*out, part);
+    r += part;
   }
   return r;
 }
@@ -244,7 +234,7 @@ void solve_literally(const DiscreteProblem& p, const Options& options, Result& r
     return;
   }
   result.kernel = contours.describe();
-  const LiteralKernel kernel(p, p.scene.dynamics, contours);
+  const LiteralKernel kernel(p, p.scene.dynamics, contours, n);
   const auto y = p.backend.array(rows, n), v = p.backend.array(rows, n), r = p.backend.array(rows, n);
   p.backend.upload(literal_response(p, kernel, contours), *r);
   const auto lcp = p.backend.lcp(p.scene.M, p.lcp_class, rows);

@@ -7,6 +7,7 @@
 #include "core/kernel/sparse_kernel.hpp"
 #include "core/kernel/states.hpp"
 #include "core/kernel/time_operator.hpp"
+#include "core/seam/point_responses.hpp"
 
 #include <array>
 #include <cmath>
@@ -71,6 +72,14 @@ constexpr const char* weights = "lag weights (J x n x n)";
 // The convolution of a dense scene steps the state where that costs less than transforms of length 2J.
 bool scanned(const Sizes& s) { return scan_is_cheaper(s.m, s.n, s.J); }
 
+// Of contour-literal: R and four numbers of each node, and one group of nodes as the shifted solves return it.
+MemoryPart resolvents(const Sizes& s, double values) {
+  const double bytes = s.nodes * s.J * sizeof(Complex) * values;
+  return {bytes + s.nodes * s.J * sizeof(PointFactor) + std::min(bytes, 2.7e8),
+          values > s.n ? "resolvents of every time point (nodes x J x n x n)"
+                       : "resolvents of every time point (nodes x J x n)"};
+}
+
 Cost with_small_state(const Sizes& s, Method method) {
   // A step: e^{hA} x, B and N, and four products of an active set with M + W_0.
   const double step = s.J * (s.m * s.m + 2 * s.m * s.n + 4 * s.n * s.n);
@@ -79,8 +88,7 @@ Cost with_small_state(const Sizes& s, Method method) {
   const double setup = 60 * s.m * s.m * s.m + 10 * s.n * s.n * s.n;
   const double forcing = s.k > 0 ? number * s.J * s.m : 0;
   if (method == Method::contour_literal)
-    return sum({{s.table(), tables},
-                {s.nodes * sizeof(Complex) * s.J * s.n * s.n, "resolvents of every time point (nodes x J x n x n)"}},
+    return sum({{s.table(), tables}, resolvents(s, s.n * s.n)},
                s.nodes * s.J * (s.m * s.m * s.m + iteration_sweeps * s.J * s.n));
   // W_d and S_d from both ways to them, 64 lags to check a scan with or all; then one of the two beside its spectrum.
   const double all = cycles(method) ? 7 : 5;
@@ -110,9 +118,7 @@ MemoryPart coarsest_march(const Sizes& s, Method method) {
 Cost in_modes(const Sizes& s, Method method) {
   const double lines = s.m / s.n;
   if (method == Method::contour_literal)
-    return sum({{s.table(), tables},
-                {s.nodes * sizeof(Complex) * s.J * s.n, "resolvents of every time point (nodes x J x n)"}},
-               iteration_sweeps * s.nodes * s.J * s.J * s.n);
+    return sum({{s.table(), tables}, resolvents(s, s.n)}, iteration_sweeps * s.nodes * s.J * s.J * s.n);
   // A sweep in modes: 64 exponentials at most and their sums (150), two sine transforms as products of up to 1000 rows.
   if (convolves(method))
     return sum({{s.table() + number * 6 * s.J * s.n, tables}, grids(s, method, 9), coarsest_march(s, method)},
@@ -224,6 +230,7 @@ MemoryPart lag_weights(const Sizes& s) { return {number * s.J * (3 * s.n * s.n +
 void add_state_plans(const Sizes& s, Method method, std::vector<MemoryPart>& parts) {
   parts.push_back({number * (4 * s.m * s.m + 3 * s.m * s.n), states});
   parts.push_back({number * 6 * s.n * s.n, problems});
+  if (method == Method::contour_literal) parts.push_back(resolvents(s, s.n * s.n));
   if (s.k > 0 && !iterates(method)) parts.push_back({number * s.J * s.m, "the source at all times (J x m)"});
   if (!convolves(method)) return;
   // 16 bytes m^2 for each of 26 nodes of a window, in groups of at most 1 GiB (kernels/resolvent.cu).
@@ -236,6 +243,10 @@ void add_modal_plans(const Sizes& s, Method method, std::vector<MemoryPart>& par
   if (!iterates(method)) {
     parts.push_back({number * (s.edges > 0 ? 12 * 60 * s.n : 6 * s.n * s.n), problems});
     parts.push_back({number * 4 * s.m, "modes of the state"});
+    return;
+  }
+  if (method == Method::contour_literal) {
+    parts.push_back(resolvents(s, s.n));
     return;
   }
   parts.push_back(coarsest_march(s, method));
@@ -266,6 +277,15 @@ std::string excess(const Cost& cost, double limit) {
   return "";
 }
 
+Cost device_cost(const Scene& scene, const Sizes& s, Method method) {
+  // Iterating: y, v, r, two in modes, the first q, one to work in. Cycles: y, v, r, y~ and two in modes on all grids,
+  // y_h on the two below the finest, one to work in. Marching: y, v, r, the source, and as much in the plan.
+  const double arrays = cycles(method) ? (s.edges > 0 ? 15 : 14) : iterates(method) ? 7 : 8;
+  std::vector<MemoryPart> parts{{number * s.J * padded(s.n) * arrays + 32 * s.J, tables}};
+  add_plans(*scene.dynamics, s, method, parts);
+  return sum(parts, 0);
+}
+
 std::string device_excess(const Cost& cost, const DeviceInfo& device) {
   return "needs about " + amount(cost.bytes * 1e-9, "GB") + " on the device, most of it for " + cost.largest +
          ", and " + device.name + " has " + amount(device.memory * 1e-9, "GB") + " free";
@@ -281,13 +301,7 @@ Cost predicted_cost(const Scene& scene, Method method, Index J, Index components
 }
 
 Cost predicted_device_cost(const Scene& scene, Method method, Index J, Index components) {
-  const Sizes s = sizes(scene, J, components);
-  // Iterating: y, v, r, two in modes, the first q, one to work in. Cycles: y, v, r, y~ and two in modes on all grids,
-  // y_h on the two below the finest, one to work in. Marching: y, v, r, the source, and as much in the plan.
-  const double arrays = cycles(method) ? (s.edges > 0 ? 15 : 14) : iterates(method) ? 7 : 8;
-  std::vector<MemoryPart> parts{{number * s.J * padded(s.n) * arrays + 32 * s.J, tables}};
-  add_plans(*scene.dynamics, s, method, parts);
-  return sum(parts, 0);
+  return device_cost(scene, sizes(scene, J, components), method);
 }
 
 bool fits_on_device(const Scene& scene, Method method, Index J, Index components, const DeviceInfo& device) {
@@ -306,8 +320,9 @@ Cost refuse_what_does_not_fit(const Scene& scene, const Options& options, Index 
                                                         : predicted_cost(scene, chosen, J, components, device.threads);
     std::string because = excess(cost, options.memory_limit);
     const bool on_machine = because.empty();
-    if (on_machine && !fits_on_device(scene, chosen, J, components, device))
-      because = device_excess(predicted_device_cost(scene, chosen, J, components), device);
+    if (const Cost there = device_cost(scene, s, chosen);
+        on_machine && device.memory > 0 && there.bytes > device.memory)
+      because = device_excess(there, device);
     if (because.empty()) return cost;
     if (found.empty()) {
       found = std::string("method ") + to_string(chosen) + " with " + std::to_string(J) + " steps " + because;

@@ -196,6 +196,24 @@ TEST_F(BackendParity, Signorini) {
   EXPECT_EQ(solved, 12);
 }
 
+// With a contour of its own for every time point: modes, and dense dynamics whose contours are around eigenvalues.
+TEST_F(BackendParity, ContoursOfEveryTimePoint) {
+  for (const Index P : {8, 25, 100}) {
+    Options options = options_for(Method::contour_literal, 100);
+    options.tuning.literal_nodes = P;
+    const std::string name = "P = " + std::to_string(P) + ", ";
+    expect_same_solve(make_scene("signorini", {{"Q", 39}}), options, name + "signorini");
+    expect_same_solve(make_scene("dlcp-small"), options, name + "dlcp-small");
+    Scene swinging;
+    swinging.dynamics = DenseDynamics{Matrix{{0, 1}, {-4, -0.5}}, Matrix{{0}, {1}}, Matrix{{1, 0}}};
+    swinging.M = Matrix{{2}};
+    swinging.x0 = Vector{{1, 0}};
+    swinging.T = 3;
+    expect_same_solve(swinging, options, name + "two states");
+  }
+  EXPECT_GE(solved, 6);
+}
+
 // Sizes whose coarse grids a device sweeps in modes, and one other size.
 TEST_F(BackendParity, SignoriniByMultigrid) {
   for (const double Q : {40., 63., 127., 255., 511.})
