@@ -9,6 +9,7 @@
 #include "app/output_json.hpp"
 #include "app/scene_choice.hpp"
 #include "app/text.hpp"
+#include "circuits/cards.hpp"
 #include "core/base/error.hpp"
 #include "core/solve/dense_output.hpp"
 #include "report/charts.hpp"
@@ -24,13 +25,17 @@ namespace bromwich::app {
 
 namespace {
 
-double bound(const std::string& word, const std::string& name, double absent) {
+/// Of the states: y of ideal switches need not be unique.
+constexpr double tolerance_of_circuits = 1e-6;
+
+double bound(const std::string& word, const std::string& scene, const std::string& name, double absent) {
   if (word.empty()) return absent;
-  return parse_settings({name + "=" + word}).at(name);
+  return parse_settings({name + "=" + word}, scene).at(name);
 }
 
 // "R,C=1e-7:1e-5": names with bounds, one of which may be left out.
-std::vector<FreeParameter> parse_free(const std::string& words, const ParameterValues& parameters) {
+std::vector<FreeParameter> parse_free(const std::string& words, const std::string& scene,
+                                      const ParameterValues& parameters) {
   std::vector<std::string> known;
   for (const auto& [name, value] : parameters) known.push_back(name);
   std::vector<FreeParameter> free;
@@ -39,17 +44,19 @@ std::vector<FreeParameter> parse_free(const std::string& words, const ParameterV
     const std::size_t equals = word.find('='), colon = word.find(':');
     FreeParameter p;
     p.name = word.substr(0, equals);
+    if (is_netlist(scene)) p.name = circuits::lower(p.name);
     if (!parameters.count(p.name))
       throw Error("--free", fmt::format("'{}' is no parameter of the scene", p.name) + suggestion(p.name, known),
-                  known.empty() ? "give the scene [parameters]" : "use some of " + join(known));
+                  known.empty() ? is_netlist(scene) ? "give the netlist a .param" : "give the scene [parameters]"
+                                : "use some of " + join(known));
     for (const FreeParameter& other : free)
       if (other.name == p.name) throw Error("--free", fmt::format("'{}' is given twice", p.name), "give it once");
     p.start = parameters.at(p.name);
     if (equals != std::string::npos) {
       if (colon == std::string::npos || colon < equals)
         throw Error("--free", fmt::format("found '{}'", word), "give bounds as R=10:1e4, R=10: or R=:1e4");
-      p.low = bound(word.substr(equals + 1, colon - equals - 1), p.name, p.low);
-      p.high = bound(word.substr(colon + 1), p.name, p.high);
+      p.low = bound(word.substr(equals + 1, colon - equals - 1), scene, p.name, p.low);
+      p.high = bound(word.substr(colon + 1), scene, p.name, p.high);
     }
     if (!(p.low < p.high) || !(p.start >= p.low && p.start <= p.high))
       throw Error("--free", fmt::format("{} starts at {}, which is not within {}", p.name, p.start, word),
@@ -104,23 +111,22 @@ constexpr const char* style_of_plot =
     ".m1{fill:#b8430b}</style>";
 
 // One chart below the other: the fitted curve on a fine grid, and the measured values.
-std::string drawn(const Scene& scene, Backend& backend, const Options& given, const FitData& data) {
+std::string drawn(const FitModel& model, Backend& backend, const Options& given, const FitData& data) {
   Options options = given;
   options.states = StateSelection::all;
   options.trace = true;
-  const Result curve = solve(scene, backend, options);
+  const Result curve = solve(model.scene, backend, options);
+  const RowMatrix found = values_of(model, curve, data.columns);
   const Vector measured_at = Eigen::Map<const Vector>(data.t.data(), Index(data.t.size()));
   std::string charts;
   double below = 0;
   for (std::size_t k = 0; k < data.columns.size(); ++k) {
     const Column& c = data.columns[k];
-    Vector values(curve.t.size());
-    for (Index j = 0; j < values.size(); ++j) values[j] = value_of(scene, curve, j, c);
     report::LineChart chart{
         c.name + ": fitted and measured",
         {"t"},
         {c.name},
-        {{"fitted", curve.t, values}, {"measured", measured_at, data.values.col(Index(k)), false, true}},
+        {{"fitted", curve.t, found.col(Index(k))}, {"measured", measured_at, data.values.col(Index(k)), false, true}},
         {}};
     std::string svg = report::line_chart(chart);
     const std::string box = "viewBox=\"0 0 ";
@@ -136,12 +142,13 @@ std::string drawn(const Scene& scene, Backend& backend, const Options& given, co
 }
 
 // t and the fitted columns at the times of the data, with the data beside them.
-void write_fitted(const std::string& name, const Scene& scene, Backend& backend, const Options& given,
+void write_fitted(const std::string& name, const FitModel& model, Backend& backend, const Options& given,
                   const FitData& data) {
   Options options = given;
   options.states = StateSelection::all;
   options.trace = true;
-  const Result at = at_times(scene, backend, solve(scene, backend, options), data.t);
+  const Result at = at_times(model.scene, backend, solve(model.scene, backend, options), data.t);
+  const RowMatrix found = values_of(model, at, data.columns);
   const OutputFile file("--out", name, ".csv");
   file.write([&](std::FILE* out) {
     std::fputs("t", out);
@@ -150,7 +157,7 @@ void write_fitted(const std::string& name, const Scene& scene, Backend& backend,
     for (Index j = 0; j < at.t.size(); ++j) {
       fmt::print(out, "{}", at.t[j]);
       for (std::size_t k = 0; k < data.columns.size(); ++k)
-        fmt::print(out, ",{},{}", value_of(scene, at, j, data.columns[k]), data.values(j, Index(k)));
+        fmt::print(out, ",{},{}", found(j, Index(k)), data.values(j, Index(k)));
       std::fputs("\n", out);
     }
   });
@@ -163,29 +170,36 @@ int run_fit(const FitArguments& a) {
   const std::string name = scene_name(words);
   const ParameterValues settings = parse_settings(words.settings, name);
   SceneSource source(name);
-  const SceneChoice choice = source.initial_value_scene(settings);
+  const auto choose = [&](const ParameterValues& values) {
+    return a.periodic.empty() ? source.initial_value_scene(values) : choose_periodic_circuit(name, values, a.periodic);
+  };
+  const SceneChoice choice = choose(settings);
   if (a.data.empty())
     throw Error("--data", "found none", "give a CSV file with the header t,x0,y0 and measured values");
   if (a.free.empty()) throw Error("--free", "found none", "give parameters of the scene, such as R,C");
-  const std::vector<FreeParameter> free = parse_free(a.free, choice.parameters);
-  const FitData data = read_fit_data("--data", a.data, choice.scene);
+  const std::vector<FreeParameter> free = parse_free(a.free, name, choice.parameters);
+  const FitData data = read_fit_data("--data", a.data, {choice.scene, choice.circuit});
   Options options;
   options.method = a.method.empty() ? Method::automatic : parse_method(a.method);
-  if (!a.steps.empty()) options.steps = parse_steps(a.steps);
+  if (!a.steps.empty())
+    options.steps = parse_steps(a.steps);
+  else if (choice.circuit)
+    options.tolerance_x = tolerance_of_circuits;
   const auto backend =
       choose_backend("cpu", choice.scene, options, 0, a.threads.empty() ? 0 : parse_threads(a.threads));
-  const auto scene_of = [&](const Vector& p) {
+  const auto model_of = [&](const Vector& p) {
     ParameterValues values = settings;
     for (std::size_t i = 0; i < free.size(); ++i) values[free[i].name] = p[Index(i)];
-    return source.initial_value_scene(values).scene;
+    SceneChoice made = choose(values);
+    return FitModel{std::move(made.scene), std::move(made.circuit)};
   };
-  const Fit found = fit(scene_of, free, data, *backend, options);
+  const Fit found = fit(model_of, free, data, *backend, options);
   if (!a.plot.empty()) {
     const OutputFile file("--plot", a.plot, ".svg");
-    const std::string picture = drawn(scene_of(found.p), *backend, options, data);
+    const std::string picture = drawn(model_of(found.p), *backend, options, data);
     file.write([&picture](std::FILE* out) { std::fwrite(picture.data(), 1, picture.size(), out); });
   }
-  if (!a.out.empty()) write_fitted(a.out, scene_of(found.p), *backend, options, data);
+  if (!a.out.empty()) write_fitted(a.out, model_of(found.p), *backend, options, data);
   print(a.json ? dump(to_json(free, found)) : in_words(free, found));
   return found.converged ? exit_solved : exit_not_solved;
 }

@@ -39,7 +39,7 @@ struct PlotArguments {
 
 struct FitArguments {
   std::vector<std::string> words, settings;
-  std::string data, free, method, steps, threads, out, plot;
+  std::string data, free, method, steps, threads, periodic, out, plot;
   bool json = false;
 };
 

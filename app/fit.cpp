@@ -2,6 +2,7 @@
 
 #include "app/parameter_columns.hpp"
 #include "app/text.hpp"
+#include "circuits/probe.hpp"
 #include "core/base/error.hpp"
 #include "core/solve/dense_output.hpp"
 
@@ -71,9 +72,9 @@ class Problem {
   using JacobianType = Matrix;
   enum { InputsAtCompileTime = Eigen::Dynamic, ValuesAtCompileTime = Eigen::Dynamic };
 
-  Problem(const std::function<Scene(const Vector&)>& scene_of, const std::vector<FreeParameter>& free,
-          const FitData& data, Backend& backend, Options options)
-      : scene_of_(scene_of), free_(free), data_(data), backend_(backend), options_(std::move(options)) {
+  Problem(const FitModels& model_of, const std::vector<FreeParameter>& free, const FitData& data, Backend& backend,
+          Options options)
+      : model_of_(model_of), free_(free), data_(data), backend_(backend), options_(std::move(options)) {
     for (const FreeParameter& p : free) by_.emplace_back(p);
     options_.trace = need_trace(data.columns);
     // N x between time points takes the state.
@@ -105,18 +106,14 @@ class Problem {
   // The residuals; empty where there is no solution.
   std::optional<Vector> residuals(const Vector& p, std::string& reason) {
     ++evaluations;
-    const Scene scene = scene_of_(p);
-    Result r = solve(scene, backend_, options_);
+    const FitModel model = model_of_(p);
+    Result r = solve(model.scene, backend_, options_);
     if (r.status != Status::solved) {
       reason = fmt::format("{} {}", to_string(r.status), r.reason);
       return std::nullopt;
     }
-    const Result at = at_times(scene, backend_, r, data_.t);
-    Vector values(this->values());
-    for (std::size_t k = 0; k < places_.size(); ++k) {
-      const auto& [j, column] = places_[k];
-      values[Index(k)] = value_of(scene, at, j, data_.columns[std::size_t(column)]) - data_.values(j, column);
-    }
+    const Vector values =
+        at_places(values_of(model, at_times(model.scene, backend_, r, data_.t), data_.columns) - data_.values);
     last_ = std::move(r);
     last_p_ = p;
     return values;
@@ -181,8 +178,15 @@ class Problem {
     return both;
   }
 
+  Vector at_places(const RowMatrix& all) const {
+    Vector values(this->values());
+    for (std::size_t k = 0; k < places_.size(); ++k) values[Index(k)] = all(places_[k].first, places_[k].second);
+    return values;
+  }
+
   Matrix exact(const Vector& p) {
-    const Scene scene = scene_of_(p);
+    const FitModel model = model_of_(p);
+    const Scene& scene = model.scene;
     std::string reason;
     if (last_p_ != p && !residuals(p, reason)) throw Error("derivative", reason, "");
     std::vector<VariedParameter> parameters;
@@ -190,7 +194,7 @@ class Problem {
       parameters.push_back({free_[std::size_t(i)].name, p[i], [this, p, i](double value) {
                               Vector changed = p;
                               changed[i] = value;
-                              return ParameterScene{scene_of_(changed)};
+                              return ParameterScene{model_of_(changed).scene};
                             }});
     const ParameterDerivative d(scene, last_, backend_, parameters, {}, data_.t);
     const bool of_trace = std::any_of(data_.columns.begin(), data_.columns.end(),
@@ -198,7 +202,8 @@ class Problem {
     Matrix J(values(), inputs());
     for (Index i = 0; i < p.size(); ++i) {
       if (of_trace && d.change(i).N.size() > 0) throw Error("derivative", "N changes, and N x is measured", "");
-      J.col(i) = column(d.jvp(i, true), d.times(), scene);
+      const SolutionChange change = d.jvp(i, true);
+      J.col(i) = model.circuit ? of_outputs(p, i, change, d.times(), scene) : column(change, d.times(), scene);
     }
     derivatives_ = d.in_words();
     return J;
@@ -213,6 +218,22 @@ class Problem {
     return values;
   }
 
+  // Outputs of a circuit depend on the parameter and on the solution: a difference along the change of both.
+  Vector of_outputs(const Vector& p, Index i, const SolutionChange& change, const Vector& t, const Scene& scene) const {
+    const auto [below, above] = around(p, i);
+    const double step = (above[i] - below[i]) / 2;
+    const Result at = at_times(scene, backend_, last_, data_.t);
+    const auto moved = [&](const Vector& to, double by) {
+      Result r = at;
+      for (Index k = 0; k < r.x.cols(); ++k)
+        r.x.col(k) += by * column_of(change, t, scene, {ColumnKind::x, k, {}}, data_.t);
+      for (Index k = 0; k < r.y.cols(); ++k)
+        r.y.col(k) += by * column_of(change, t, scene, {ColumnKind::y, k, {}}, data_.t);
+      return values_of(model_of_(to), r, data_.columns);
+    };
+    return at_places(moved(above, step) - moved(below, -step)) / (2 * step);
+  }
+
   Matrix by_differences(const Vector& p) {
     Matrix J(values(), inputs());
     for (Index i = 0; i < p.size(); ++i) {
@@ -224,7 +245,7 @@ class Problem {
     return J;
   }
 
-  const std::function<Scene(const Vector&)>& scene_of_;
+  const FitModels& model_of_;
   const std::vector<FreeParameter>& free_;
   const FitData& data_;
   Backend& backend_;
@@ -304,9 +325,22 @@ double value_of(const Scene& scene, const Result& at, Index j, const Column& c) 
   return at.trace(j, c.component) + multiply(scene.M, at.y.row(j).transpose())[c.component] + g[c.component];
 }
 
-Fit fit(const std::function<Scene(const Vector&)>& scene_of, const std::vector<FreeParameter>& free,
-        const FitData& data, Backend& backend, const Options& options) {
-  Problem problem(scene_of, free, data, backend, options);
+RowMatrix values_of(const FitModel& model, const Result& at, const std::vector<Column>& columns) {
+  RowMatrix values(at.t.size(), Index(columns.size()));
+  if (model.circuit) {
+    const RowMatrix outputs = output_values(*model.circuit, at);
+    for (std::size_t k = 0; k < columns.size(); ++k)
+      values.col(Index(k)) = Probe(*model.circuit, columns[k].name, "--data")(at.t, outputs);
+    return values;
+  }
+  for (Index j = 0; j < values.rows(); ++j)
+    for (Index k = 0; k < values.cols(); ++k) values(j, k) = value_of(model.scene, at, j, columns[std::size_t(k)]);
+  return values;
+}
+
+Fit fit(const FitModels& model_of, const std::vector<FreeParameter>& free, const FitData& data, Backend& backend,
+        const Options& options) {
+  Problem problem(model_of, free, data, backend, options);
   if (problem.values() < problem.inputs())
     throw Error("--data", fmt::format("has {} values for {} parameters", problem.values(), problem.inputs()),
                 "give more data, or fewer parameters in --free");

@@ -213,11 +213,14 @@ CLI::App* add_command(CLI::App& app, DerivativeArguments& a) {
 
 CLI::App* add_command(CLI::App& app, FitArguments& a) {
   CLI::App* command = app.add_subcommand("fit", "fit parameters of a scene to measured values");
-  command->add_option("SCENE", a.words, "a scene that 'bromwich scenes' lists, or a file .toml")->option_text(" ");
+  command->add_option("SCENE", a.words, "a scene that 'bromwich scenes' lists, a file .toml or a netlist .cir")
+      ->option_text(" ");
   add_settings(command, a.settings);
-  add_word(command, "--data", a.data, "FILE.csv", "measured values: header t,x0,y0,..., an empty field is no datum");
+  add_word(command, "--data", a.data, "FILE.csv",
+           "measured values: header t,x0,y0,..., or t,V(out),..., an empty field is no datum");
   add_word(command, "--free", a.free, "LIST", "parameters to fit, with bounds if any: R,C=1e-7:1e-5");
   add_solve(command, a);
+  add_word(command, "--periodic", a.periodic, "T", "of a netlist: its periodic state with this period, or auto");
   add_word(command, "--out", a.out, "FILE.csv", "write the fitted values beside the measured ones");
   add_word(command, "--plot", a.plot, "FILE.svg", "draw the fitted curves with the measured values");
   command->add_flag("--json", a.json, "print one JSON object instead of the lines");
@@ -226,6 +229,7 @@ CLI::App* add_command(CLI::App& app, FitArguments& a) {
       "Examples:\n"
       "  bromwich fit my.toml --data measured.csv --free R --method march\n"
       "  bromwich fit my.toml --data measured.csv --free R=10:1e4,C=0: --set R=300 --out fitted.csv\n"
+      "  bromwich fit buck.cir --data scope.csv --free L,C,ESR --periodic auto\n"
       "Exit code: 0 converged, 2 bad input, 3 not converged.");
   return command;
 }

@@ -4,10 +4,22 @@ import hashlib
 import json
 import pathlib
 import re
+import subprocess
+import tempfile
 
 root = pathlib.Path(__file__).resolve().parent.parent
 results = root / "bench" / "results"
 pictures = root / "docs" / "pictures"
+
+
+def facts(command):
+    """Machine, compiler and commit of a build, as its studies write them."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = pathlib.Path(folder) / "study.json"
+        subprocess.run([command, "bench", "auto", "--quick", "--out", file], capture_output=True, check=True)
+        study = json.loads(file.read_text())
+    return {key: study[key] for key in ("machine", "compiler", "build_type", "flags", "commit", "version")}
+
 
 # The mark of a picture that shows the program and no measurement.
 screenshot_mark = "a screenshot of bromwich"

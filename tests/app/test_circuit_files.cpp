@@ -2,6 +2,7 @@
 
 #include "tests/app/cli.hpp"
 
+#include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
 #include <cmath>
@@ -64,6 +65,45 @@ TEST_F(CliCircuit, ColumnsAreOutputsAndExpressions) {
   const Outcome unknown = run("solve c.cir --columns 'V(c)' --out c.csv");
   EXPECT_EQ(unknown.exit_code, 2);
   EXPECT_NE(unknown.err.find("'V(c)' has no node 'c'"), std::string::npos) << unknown.err;
+}
+
+// V(a,b) = e^{-t/RC} and I(R1) = e^{-t/RC}/R, whose row has R of its own.
+TEST_F(CliCircuit, FitsParametersToOutputs) {
+  write("c.cir", "t\n.param R=2.1k Cl=0.6u\nV1 a 0 1\nR1 a b {R}\nC1 b 0 {Cl}\n.tran 10u 5m uic\n");
+  std::string data = "t,V(a,b),I(R1)\n";
+  for (int k = 0; k < 30; ++k) {
+    const double t = 1e-4 * (k + 0.37), v = std::exp(-t / 1e-3);
+    data += fmt::format("{},{},{}\n", t, v, k % 3 == 0 ? "" : fmt::format("{}", v / 1e3));
+  }
+  write("d.csv", data);
+  const Outcome found = run("fit c.cir --data d.csv --free r=100:10k,Cl=0: --plot f.svg --out f.csv --json");
+  ASSERT_EQ(found.exit_code, 0) << found.err;
+  const auto json = nlohmann::json::parse(found.out);
+  EXPECT_NEAR(json["parameters"]["r"]["value"].get<double>(), 1e3, 1e-3);
+  EXPECT_NEAR(json["parameters"]["cl"]["value"].get<double>(), 1e-6, 1e-12);
+  EXPECT_EQ(json["derivatives"].get<std::string>().find("central differences of solves"), std::string::npos);
+  EXPECT_EQ(split(file("f.csv"), '\n')[0], "t,V(a,b),V(a,b)_measured,I(R1),I(R1)_measured");
+  const Outcome unknown = run("fit c.cir --data d.csv --free L");
+  EXPECT_EQ(unknown.exit_code, 2);
+  EXPECT_NE(unknown.err.find("'l' is no parameter"), std::string::npos) << unknown.err;
+  write("e.csv", "t,V(c)\n0,1\n");
+  EXPECT_NE(run("fit c.cir --data e.csv --free R").err.find("'V(c)' has no node 'c'"), std::string::npos);
+}
+
+// The periodic state behind a square wave: from `low` to `high` while it is 1.
+TEST_F(CliCircuit, FitsPeriodicStates) {
+  write("c.cir", "t\n.param Cl=2u\nV1 a 0 PULSE(0 1 0 0 0 0.25m 1m)\nR1 a b 1k\nC1 b 0 {Cl}\n.tran 10u 5m\n");
+  const double tau = 0.7e-3, q = std::exp(-0.25e-3 / tau), p = std::exp(-0.75e-3 / tau), high = (1 - q) / (1 - p * q);
+  std::string data = "t,V(b)\n";
+  for (int k = 0; k < 20; ++k) {
+    const double t = 5e-5 * (k + 0.41);
+    data += fmt::format("{},{}\n", t,
+                        t < 0.25e-3 ? 1 - (1 - high * p) * std::exp(-t / tau) : high * std::exp(-(t - 0.25e-3) / tau));
+  }
+  write("d.csv", data);
+  const Outcome found = run("fit c.cir --data d.csv --free Cl --periodic auto --json");
+  ASSERT_EQ(found.exit_code, 0) << found.err;
+  EXPECT_NEAR(nlohmann::json::parse(found.out)["parameters"]["cl"]["value"].get<double>(), tau / 1e3, 1e-12);
 }
 
 // Numbers as in netlists, whose names ignore case: V(b) = 1 - e^{-t/RC} on the first pulse.

@@ -38,32 +38,40 @@ class Simulation {
     number_states();
   }
 
-  ReferenceValues run() {
+  ReferenceValues run(const std::vector<double>& times) {
     const double T = net_.stop;
     longest_ = T / 400;
     std::vector<double> edges{0, T};
     for (const Part& p : parts_)
       if (p.source.pulses()) add_edges(p.source, edges);
     add_switch_times(edges);
+    edges.insert(edges.end(), times.begin(), times.end());
     std::sort(edges.begin(), edges.end());
     x_ = VectorXd::Zero(states_);
     for (std::size_t k = 0; k < storage_.size(); ++k) x_[Index(k)] = parts_[std::size_t(storage_[k])].initial;
     mode_.assign(parts_.size(), 0);
     largest_ = x_.cwiseAbs();
-    for (std::size_t k = 0; k + 1 < edges.size(); ++k)
-      if (edges[k + 1] - edges[k] > 1e-14 * T) advance(edges[k], edges[k + 1]);
     ReferenceValues r;
+    auto next = times.begin();
+    for (std::size_t k = 0; k + 1 < edges.size(); ++k) {
+      if (edges[k + 1] - edges[k] > 1e-14 * T) advance(edges[k], edges[k + 1]);
+      for (; next != times.end() && *next <= edges[k + 1]; ++next)
+        for (std::size_t i = 0; i < storage_.size(); ++i) r.at[name_of(i)].push_back(x_[Index(i)]);
+    }
     r.changes = changes_;
     for (std::size_t k = 0; k < storage_.size(); ++k) {
-      const Part& p = parts_[std::size_t(storage_[k])];
-      const std::string name = (p.kind == 'C' ? "V(" : "I(") + p.name + ")";
-      r.end[name] = x_[Index(k)];
-      r.largest[name] = largest_[Index(k)];
+      r.end[name_of(k)] = x_[Index(k)];
+      r.largest[name_of(k)] = largest_[Index(k)];
     }
     return r;
   }
 
  private:
+  std::string name_of(std::size_t state) const {
+    const Part& p = parts_[std::size_t(storage_[state])];
+    return (p.kind == 'C' ? "V(" : "I(") + p.name + ")";
+  }
+
   void number_states() {
     for (std::size_t i = 0; i < parts_.size(); ++i) {
       if (parts_[i].kind == 'C' || parts_[i].kind == 'L') storage_.push_back(int(i));
@@ -363,6 +371,8 @@ class Simulation {
 
 }  // namespace
 
-ReferenceValues mode_by_mode(const std::string& netlist) { return Simulation(netlist).run(); }
+ReferenceValues mode_by_mode(const std::string& netlist, const std::vector<double>& times) {
+  return Simulation(netlist).run(times);
+}
 
 }  // namespace bromwich::test

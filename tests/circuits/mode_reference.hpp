@@ -5,16 +5,19 @@
 
 #include <map>
 #include <string>
+#include <vector>
 
 namespace bromwich::test {
 
 struct ReferenceValues {
-  std::map<std::string, double> end;      ///< "V(C1)", "I(L1)" at the end of .tran
-  std::map<std::string, double> largest;  ///< of these, by absolute value
-  long changes = 0;                       ///< of modes
+  std::map<std::string, double> end;              ///< "V(C1)", "I(L1)" at the end of .tran
+  std::map<std::string, double> largest;          ///< of these, by absolute value
+  std::map<std::string, std::vector<double>> at;  ///< these at the times that were asked for
+  long changes = 0;                               ///< of modes
 };
 
-/// Throws std::runtime_error where no mode fits, or for a card that it does not know.
-ReferenceValues mode_by_mode(const std::string& netlist);
+/// `times`: increasing, up to the end of .tran. Throws std::runtime_error where no mode fits, or for a card that it
+/// does not know.
+ReferenceValues mode_by_mode(const std::string& netlist, const std::vector<double>& times = {});
 
 }  // namespace bromwich::test
