@@ -185,7 +185,9 @@ struct Factors {
 
 using Precise = Eigen::Matrix<long double, Eigen::Dynamic, Eigen::Dynamic>;
 
-Matrix product(const Precise& left, const Matrix& right) { return left.lazyProduct(right.cast<long double>()).cast<double>(); }
+Matrix product(const Precise& left, const Matrix& right) {
+  return left.lazyProduct(right.cast<long double>()).cast<double>();
+}
 
 // Entries of Y up to 64 eps times these can go, and E Y + C = 0 still holds but for rounding of its terms.
 Matrix unseen(const Matrix& E, const Matrix& Y, const Matrix& C) {
@@ -208,7 +210,8 @@ bool determine_y(const SystemMatrices& s, const std::vector<Index>& active, cons
   // fewer digits than E has. Zeros between blocks of E are known to rounding of the largest block: they are entries
   // that the first step changes as much as what it leaves.
   const Precise found = factors.inverse.cast<long double>(), precise_E = E.cast<long double>();
-  const Precise twice = 2 * Precise::Identity(E.rows(), E.rows()), refined = found.lazyProduct(Precise(twice - precise_E.lazyProduct(found)));
+  const Precise twice = 2 * Precise::Identity(E.rows(), E.rows()),
+                refined = found.lazyProduct(Precise(twice - precise_E.lazyProduct(found)));
   const auto zero = (refined.cwiseAbs().array() <= 2 * (refined - found).cwiseAbs().array()).eval();
   const Precise inverse = zero.select(0, Precise(refined.lazyProduct(Precise(twice - precise_E.lazyProduct(refined)))));
   const Jet of_active = of_blocks([&inverse](const Matrix& c) { return product(-inverse, c); }, C);
