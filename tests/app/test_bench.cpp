@@ -158,6 +158,19 @@ TEST_F(Bench, SparseSolvesAllItsRows) {
   EXPECT_LT(json["rows"][0]["difference_max"], 0.1);
 }
 
+TEST_F(Bench, LiteralReachesTheErrorOfMarching) {
+  const Json json = study("literal");
+  ASSERT_EQ(json["rows"].size(), 4u);
+  double marched = NAN;
+  for (const Json& row : json["rows"]) {
+    EXPECT_EQ(row["status"], "solved") << row;
+    EXPECT_EQ(row["literal_nodes"].is_null(), row["method"] != "contour-literal") << row;
+    if (row["method"] == "march") marched = row["error_max"];
+    // Sweeps end at a change of min(h, dx^2)/50 = 8e-5; the contours with P = 25 err by less (2.8).
+    EXPECT_NEAR(double(row["error_max"]), marched, 3e-4) << row;
+  }
+}
+
 TEST_F(Bench, FieldsCompareAtEqualError) {
   const Json json = study("fields");
   ASSERT_EQ(json["rows"].size(), 8u);
