@@ -5,6 +5,7 @@ import sys
 
 import evidence
 import tables_chunks as chunks
+import tables_contacts as contacts
 import tables_gpu as device
 import tables_speed as speed
 import tables_studies as studies
@@ -53,6 +54,7 @@ blocks = {
     "docs/measurements/multigrid.md": {"multigrid-short": ("multigrid", short(studies.multigrid, notes=("contraction", "at most")))},
     "docs/measurements/tol.md": {"tol-short": ("tol", worth.tol_share)},
     "docs/measurements/siconos.md": {"peers-short": ("peers", short(peers))},
+    "docs/mechanics.md": {"contacts-errors": ("contacts", contacts.errors), "contacts-chains": ("contacts", contacts.chains)},
     "docs/measurements/micro.md": {"micro-short": ("micro", short(micro))},
     "docs/dual.md": {
         "dual-short": ("dual-gpu", short(dual, notes=("contraction", "algebraic"))),

@@ -1,0 +1,50 @@
+"""Tables of bench/results/contacts.json (scripts/bench_contacts): march across impacts, alone and beside Siconos."""
+from evidence import number, origin, plain, seconds
+
+
+def table(head, rows):
+    return ["| " + " | ".join(head) + " |", "|--" * len(head) + "|"] + ["| " + " | ".join(map(str, row)) + " |" for row in rows]
+
+
+def errors(data):
+    """Of the block with reference digits, a column each number of steps."""
+    block = [row for row in data["rows"] if row["part"] == "block"]
+    steps = sorted({row["steps"] for row in block})
+    found = {(row["e"], row["steps"]): number(row["error"]) if row["status"] == "solved" else row["status"] for row in block}
+    lines = table(["e", *(f"{J} steps" for J in steps)], [[f"{e:g}", *(found[e, J] for J in steps)] for e in sorted({row["e"] for row in block})])
+    return lines + ["", f"Error of q at T = 10 of the block on the belt, against a flow with located events; {origin(data)}."]
+
+
+def fastest(rows, error):
+    able = [row for row in rows if row["status"] == "solved" and row["seconds"] and row["error"] is not None and row["error"] <= error]
+    return min(able, key=lambda row: row["seconds"]["median"], default=None)
+
+
+def chains(data):
+    """Of each chain the most accurate run of Siconos, beside the fastest of march with an error of q no larger; without Siconos march
+    to 1e-4."""
+    rows = [row for row in data["rows"] if row["part"] == "chain"]
+    lines = []
+    for blocks, e in sorted({(row["blocks"], row["e"]) for row in rows}):
+        here = [row for row in rows if (row["blocks"], row["e"]) == (blocks, e)]
+        march = [row for row in here if row["contestant"] == "bromwich march"]
+        peers = [row for row in here if row["contestant"].startswith("Siconos") and row["error"] is not None and row["seconds"]]
+        peer = min(peers, key=lambda row: row["error"], default=None)
+        ours = fastest(march, peer["error"] if peer else 1e-4)
+        finer = fastest(march, 1e-4)
+        cells = [blocks, f"{e:g}"]
+        cells += [f"{peer['steps']} steps, {number(peer['error'])}", seconds(peer["seconds"]["median"])] if peer else ["-", "-"]
+        if ours and peer:
+            ratio = plain(peer["seconds"]["median"] / ours["seconds"]["median"])
+            cells += [f"{ours['steps']} steps, {number(ours['error'])}", seconds(ours["seconds"]["median"]), ratio]
+        else:
+            cells += ["-", "-", "-"]
+        cells.append(f"{seconds(finer['seconds']['median'])} ({finer['steps']} steps)" if finer else "-")
+        lines.append(cells)
+    head = ["contacts", "e", "Siconos, error of q", "time", "march, error no larger", "time", "Siconos / march", "march to 1e-4"]
+    return table(head, lines) + [
+        "",
+        f"Chains of blocks on the ground, T = 4. Siconos {data['details']['siconos']}: Moreau-Jean, theta = 1/2, from Python; its run with the "
+        f"least error. {data['machine']['cpu']}, one thread, median of {data['repeats']} rounds in which all take turns"
+        f"{', a short run' if data['details']['quick'] else ''}; {origin(data)}.",
+    ]
