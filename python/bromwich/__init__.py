@@ -41,6 +41,7 @@ from ._backends import BackendInfo, backends, cuda_devices
 from ._circuit import Circuit, CircuitScene, circuit
 from ._circuit_map import CircuitMap
 from ._continuation import Branch, BranchMark, continuation
+from ._friction import FrictionProblem, FrictionResult, load_friction, solve_friction
 from ._invert import Inverse, invert
 from ._lcp import LcpGradient, LcpResult, LcpTangent, lcp
 from ._mechanics import Contact, MechanicalScene, Structure
@@ -81,6 +82,8 @@ __all__ = [
     "Dynamics",
     "ElementPower",
     "Error",
+    "FrictionProblem",
+    "FrictionResult",
     "Gradient",
     "InternalError",
     "Interrupted",
@@ -120,9 +123,11 @@ __all__ = [
     "invert",
     "lcp",
     "load",
+    "load_friction",
     "scene",
     "scenes",
     "solve",
     "solve_batch",
+    "solve_friction",
     "solve_nonlinear",
 ]

@@ -19,7 +19,7 @@ WRITTEN = "give a file that 'bromwich solve --out' has written"
 def read(name: str) -> dict[str, Any]:
     """A file of results: ``t``, ``y``, ``w``, ``x`` (those that it has), ``constraint_name``, ``state_name``, ``constraint``
     and ``state``, ``units``, ``others`` (name, meaning and values of further quantities over time) and ``facts``."""
-    with _reading(name) as file:
+    with reading(name) as file:
         facts = {key: value.item() if isinstance(value, np.generic) else value for key, value in file.attrs.items()}
         facts = {key: value for key, value in facts.items() if isinstance(value, (str, int, float))}
         found = _read_fields(file, facts) if "VTKHDF/Steps" in file else _read_rows(file)
@@ -31,7 +31,7 @@ def read(name: str) -> dict[str, Any]:
 def read_sweep(name: str) -> dict[str, Any] | None:
     """The table of a sweep: ``parameters``, ``columns`` and ``status``, texts, and ``swept`` and ``values``, a row for each
     scene; of each component its value in the last row, and its largest size. None for another file."""
-    with _reading(name) as file:
+    with reading(name) as file:
         if not all(key in file for key in ("scene", "y", "status")):
             return None
         parameters = str(file["y"].attrs["coordinates"]).split()
@@ -50,7 +50,7 @@ def read_sweep(name: str) -> dict[str, Any] | None:
 
 
 @contextlib.contextmanager
-def _reading(name: str) -> Iterator[Any]:
+def reading(name: str) -> Iterator[Any]:
     if not os.path.isfile(name):
         raise Refused(f"{name!r} is no file", "give a file that exists")
     h5py = library(name)
@@ -139,7 +139,7 @@ def write_checkpoint(name: str, facts: Facts, totals: Facts, x: np.ndarray, y: n
 
 def read_checkpoint(name: str) -> tuple[dict[str, Any], dict[str, float], np.ndarray, np.ndarray]:
     """Facts, totals, x and y, as :func:`write_checkpoint` takes them."""
-    with _reading(name) as file:
+    with reading(name) as file:
         if file.attrs.get("format") != CHECKPOINT:
             raise Refused(f"{name!r} is no checkpoint of this version", "give a file that --checkpoint has written")
         facts = {key: value.item() if isinstance(value, np.generic) else value for key, value in file.attrs.items()}

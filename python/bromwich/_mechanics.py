@@ -30,7 +30,7 @@ class MechanicalScene(Scene):
     @property
     def uniqueness(self) -> str:
         """Whether friction leaves one solution: ``unique``; ``unique-motion``, forces may be several; ``unknown``: there may be
-        several solutions or none; ``not-tested``: more than seven contacts, or facets."""
+        several solutions or none; ``not-tested``: more than seven contacts, or friction in space."""
         return self._mechanism.uniqueness()
 
     @classmethod
@@ -82,7 +82,7 @@ class Contact:
 
     Args:
         normal: Hn, a number for each coordinate; opening is positive. None: friction of a given ``bound`` alone.
-        tangent: Ht, likewise; two rows in space, with ``facets``. None: no friction.
+        tangent: Ht, likewise; two rows in space. None: no friction.
         gap: g, a source as :class:`Scene` takes them; None: 0.
         velocity: V of the other body, a source; None: 0.
         mu: coefficient of friction, \\|lt\\| <= mu ln.
@@ -90,7 +90,7 @@ class Contact:
         kn: stiffness of a compliant contact; None: rigid.
         kt: stiffness of a spring in series with the friction (a Jenkins element); None: rigid.
         bound: R(t) in place of mu ln: friction of a given normal force, a source.
-        facets: in space, the number of directions of friction, even.
+        facets: in space, the number of directions of friction, even; 0: a circle, \\|lt\\| <= mu ln.
         name: of its rows; by default c0, c1, ... by its place.
 
     Example:

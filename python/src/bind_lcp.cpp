@@ -1,6 +1,7 @@
 // Complementarity problems without dynamics.
 
 #include "arrays.hpp"
+#include "bromwich/friction_problem.hpp"
 #include "bromwich/lcp_batch.hpp"
 #include "calls.hpp"
 #include "core/lcp/class_traits.hpp"
@@ -91,6 +92,20 @@ void bind_lcp(nb::module_& m) {
         return solved(each, q, options_of(c, start), wanted);
       },
       nb::arg("M"), nb::arg("q"), nb::arg("lcp_class"), nb::arg("start").none(), nb::arg("wanted"));
+  m.def(
+      "friction_problem",
+      [](const Array2& W, const Array1& q, const Array1& mu, double tolerance, Index most_sweeps) {
+        const Matrix all = as_matrix(W);
+        const Vector right = as_vector(q), friction = as_vector(mu);
+        FrictionResult result;
+        {
+          const nb::gil_scoped_release released;
+          result = solve_friction(all, right, friction, {tolerance, most_sweeps});
+        }
+        return nb::make_tuple(owned(std::move(result.r)), owned(std::move(result.u)), to_string(result.status),
+                              result.residual, result.newton, result.sweeps);
+      },
+      nb::arg("W"), nb::arg("q"), nb::arg("mu"), nb::arg("tolerance"), nb::arg("most_sweeps"));
 }
 
 }  // namespace bromwich::python
