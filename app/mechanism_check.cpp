@@ -11,7 +11,9 @@ namespace {
 std::string friction_text(const Contact& c) {
   if (c.tangent.rows() == 0 || (c.mu == 0 && !c.bound)) return "no friction";
   const std::string bound = c.bound ? "friction of a given bound" : fmt::format("friction with mu = {:.6g}", c.mu);
-  const std::string in_space = c.facets > 0 ? fmt::format(" on {} facets", c.facets) : "";
+  const std::string in_space = c.facets > 0            ? fmt::format(" on {} facets", c.facets)
+                               : c.tangent.rows() == 2 ? " on a circle"
+                                                       : "";
   return bound + in_space + (c.kt > 0 ? fmt::format(", a Jenkins element with kt = {:.6g}", c.kt) : "");
 }
 
@@ -34,7 +36,7 @@ const char* sentence_of(Uniqueness u) {
     case Uniqueness::too_many:
       break;
   }
-  return "not looked at: too many contacts";
+  return "not looked at: too many contacts, or friction in space";
 }
 
 }  // namespace

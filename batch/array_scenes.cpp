@@ -30,6 +30,7 @@ const DenseDynamics& dense_of(const Scene& scene) {
   scene.validate();
   if (scene.boundary) refuse("has boundary values", "use solve, which takes them");
   if ((scene.restitution.array() > 0).any()) refuse("has restitution", "use solve_batch");
+  if (!scene.cones.empty()) refuse("has friction on circles", "use solve_batch");
   if (!scene.memories.empty()) refuse("has modes with memory", "use solve_batch");
   if (!scene.free_rows.empty()) refuse("has free rows", "use solve, which eliminates them");
   const DenseDynamics* dense = scene.dynamics->small_state();

@@ -36,6 +36,7 @@ DenseDynamics checked(const Scene& scene, const Result& r) {
   const DenseDynamics* d = dense.dynamics->small_state();
   if (!d) refuse("the dynamics have no dense form", "give A, B and N as matrices");
   if (scene.boundary) refuse("the scene has a boundary condition", "differentiate a scene with an initial value");
+  if (!scene.cones.empty()) refuse("friction is on circles", "differentiate a scene with facets");
   if (!has_steps_of_march(r))
     refuse(text("the result is of method %s", to_string(r.method)), "solve by march, contour or multigrid");
   if (y_may_jump(r))

@@ -30,6 +30,7 @@ const Scene& checked_for_all_times(const Scene& scene, const Result& r) {
   if (r.status != Status::solved)
     refuse_here(text("the result is not solved (%s)", to_string(r.status)), "differentiate solved results");
   if (scene.boundary) refuse_here("the scene has a boundary condition", "differentiate a scene with an initial value");
+  if (!scene.cones.empty()) refuse_here("friction is on circles", "differentiate a scene with facets");
   if (!scene.free_rows.empty()) refuse_here("the scene has free rows", "use the derivative of dense dynamics");
   if (scene.dynamics->small_state() && scene.dynamics->has_mass())
     refuse_here("the dynamics are dense with a mass matrix", "use the derivative of dense dynamics");

@@ -62,7 +62,7 @@ class ContactCheck {
     if (!c_.normal.allFinite()) fail("normal", "has an entry that is not finite", "give finite numbers");
     if (c_.normal.size() > 0 && c_.normal.isZero(0)) fail("normal", "is zero", "give the row Hn of the gap Hn q + g");
     if (c_.tangent.rows() > 2)
-      fail("tangent", text("has %td rows", c_.tangent.rows()), "give one row, or two in space with facets");
+      fail("tangent", text("has %td rows", c_.tangent.rows()), "give one row, or two in space");
     if (c_.tangent.rows() > 0 && c_.tangent.cols() != d_)
       fail("tangent", text("has %td entries", c_.tangent.cols()), text("give one for each of the %td coordinates", d_));
     if (!c_.tangent.allFinite()) fail("tangent", "has an entry that is not finite", "give finite numbers");
@@ -102,9 +102,12 @@ class ContactCheck {
     }
     if (c_.facets != 0 && tangents != 2)
       fail("facets", text("is %td with %td tangents", c_.facets, tangents), "give two tangents, or leave it out");
-    if (tangents == 2 && (c_.facets < 4 || c_.facets % 2 != 0 || c_.facets > 128))
+    if (tangents == 2 && c_.facets != 0 && (c_.facets < 4 || c_.facets % 2 != 0 || c_.facets > 128))
       fail("facets", text("is %td", c_.facets),
-           "give an even number from 4 to 128: the circle of friction forces becomes a polygon");
+           "give an even number from 4 to 128: the circle of friction forces becomes a polygon; or leave it out");
+    if (tangents == 2 && c_.facets == 0 && c_.kn > 0)
+      fail("facets", "is missing beside kn and two tangents",
+           "give it: friction on a circle is that of rigid contacts");
     if (tangents == 2 && c_.kt > 0) fail("kt", "is given with two tangents", "give one: Jenkins elements are planar");
   }
 

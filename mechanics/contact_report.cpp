@@ -69,7 +69,7 @@ class Report {
                      .segment(first_tangent(i), tangents(i))
                      .transpose();
     // An impulse has no share of a bound that is a force.
-    if (m_.contacts[i].bound && m_.contacts[i].facets == 0 && r.state < 0 && r.friction >= 0)
+    if (m_.contacts[i].bound && m_.contacts[i].facets == 0 && tangents(i) == 1 && r.state < 0 && r.friction >= 0)
       a.friction[0] += (1 - weight_of_bound) * value_of(m_.contacts[i].bound, t);
     return a;
   }
@@ -160,9 +160,10 @@ class Report {
     const auto on = [&](Index row) { return active[std::size_t(row)] != 0; };
     if (r.normal >= 0 && !on(r.normal)) return ContactState::open;
     if (r.friction < 0) return ContactState::slip;
-    const bool slips = r.state >= 0   ? on(r.friction) || on(r.friction + 1)
-                       : c.facets > 0 ? on(r.friction + c.facets)
-                                      : !on(r.friction) || on(r.friction + 1);
+    const bool slips = r.state >= 0       ? on(r.friction) || on(r.friction + 1)
+                       : c.facets > 0     ? on(r.friction + c.facets)
+                       : tangents(i) == 2 ? on(r.friction)
+                                          : !on(r.friction) || on(r.friction + 1);
     return slips ? ContactState::slip : ContactState::stick;
   }
 

@@ -60,7 +60,18 @@ class LocatedSpans {
   Vector x_;
 };
 
-ContactSpans spans_of_rows(const Result& r) {
+/// On a circle: whether friction is at its bound.
+void see_circles(const Mechanism& m, const Eigen::Ref<const Vector>& y, std::vector<char>& active) {
+  constexpr double rounding = 1e-9;
+  for (const FrictionCone& cone : m.scene.cones) {
+    const double bound = cone.mu * y[cone.first];
+    const bool slips = y.segment(cone.first + 1, 2).norm() >= (1 - rounding) * bound;
+    active[std::size_t(cone.first)] = bound > 0 && (cone.given ? slips : true);
+    active[std::size_t(cone.first + 1)] = slips;
+  }
+}
+
+ContactSpans spans_of_rows(const Mechanism& m, const Result& r) {
   constexpr double negligible = 1e-12;  // of the largest value of a row
   const RowMatrix integral = integral_of_y(r);
   const Vector least = negligible * r.y.cwiseAbs().colwise().maxCoeff().transpose();
@@ -73,6 +84,7 @@ ContactSpans spans_of_rows(const Result& r) {
     s.samples.push_back({s.begin + h / 2, h, (r.x.row(j) + r.x.row(j + 1)).transpose() / 2,
                          (integral.row(j + 1) - integral.row(j)).transpose() / h});
     for (Index i = 0; i < r.y.cols(); ++i) s.active.push_back(r.y(j + 1, i) > least[i]);
+    see_circles(m, r.y.row(j + 1).transpose(), s.active);
     found.last = r.x.row(j + 1).transpose();
     found.spans.push_back(std::move(s));
   }
@@ -85,7 +97,7 @@ ContactSpans contact_spans(const Mechanism& m, const Result& r) {
   if (r.located) return LocatedSpans(m.scene, r.start.size() > 0 ? r.start : m.scene.x0, *r.located).all();
   if (r.x.cols() != m.scene.states() || r.t.size() < 2)
     throw Error("states", "were not all recorded", "solve with all states");
-  return spans_of_rows(r);
+  return spans_of_rows(m, r);
 }
 
 }  // namespace bromwich

@@ -4,13 +4,13 @@
 #include "core/base/text.hpp"
 #include "core/scene/relay.hpp"
 #include "mechanics/contact_input.hpp"
+#include "mechanics/contact_kinds.hpp"
 #include "mechanics/source_values.hpp"
 
 #include <Eigen/Cholesky>
 
 #include <array>
 #include <memory>
-#include <numbers>
 
 namespace bromwich {
 
@@ -20,22 +20,10 @@ constexpr Index most_dense = 200;  ///< states, and rows of M
 
 using Entries = std::vector<Eigen::Triplet<double>>;
 
-bool is_Jenkins(const Contact& c) { return c.kt > 0; }
-bool has_friction(const Contact& c) { return c.tangent.rows() > 0 && (c.mu > 0 || c.bound); }
-
-// A unit vector for each facet, k x 2.
-Matrix directions(Index facets) {
-  Matrix d(facets, 2);
-  for (Index k = 0; k < facets; ++k) {
-    const double angle = 2 * std::numbers::pi * double(k) / double(facets);
-    d.row(k) << std::cos(angle), std::sin(angle);
-  }
-  return d;
-}
-
 /// Rows of y and w that the friction of a contact takes.
 Index friction_rows(const Contact& c) {
   if (!has_friction(c)) return 0;
+  if (is_circle(c)) return c.normal.size() > 0 ? 2 : 3;
   return c.facets > 0 ? c.facets + 1 : 2;
 }
 
@@ -83,8 +71,18 @@ class Rows {
       add_Jenkins(c, r);
     else if (c.facets > 0)
       add_facets(c, r);
+    else if (is_circle(c))
+      add_circle(c, r);
     else
       add_planar(c, r);
+  }
+
+  void add_circle(const Contact& c, const ContactRows& r) {
+    for (Index k = 0; k < 2; ++k) {
+      put(N, circle_row(r) + k, c.tangent.row(k).transpose(), d_);
+      put_column(forces, circle_row(r) + k, c.tangent.row(k).transpose());
+    }
+    if (r.normal < 0) M.emplace_back(r.friction, r.friction, 1);
   }
 
   // lt = b - mu ln, or b - R.
@@ -167,7 +165,7 @@ TimeFunction source_of_states(const Structure& s, const std::shared_ptr<const st
   bool any = bool(s.f);
   for (std::size_t i = 0; i < contacts->size(); ++i) {
     const Contact& c = (*contacts)[i];
-    any = any || (c.bound && c.facets == 0 && rows[i].state < 0) || (rows[i].state >= 0 && c.velocity);
+    any = any || shifts_by_bound(c, rows[i]) || (rows[i].state >= 0 && c.velocity);
   }
   if (!any) return {};
   return [f = s.f, contacts, rows, d = s.M.rows(), mass, m](double t, Eigen::Ref<Vector> value) {
@@ -177,7 +175,7 @@ TimeFunction source_of_states(const Structure& s, const std::shared_ptr<const st
       const Contact& c = (*contacts)[i];
       if (rows[i].state >= 0)
         value[rows[i].state] = -c.kt * value_of(c.velocity, t);
-      else if (c.bound && c.facets == 0)
+      else if (shifts_by_bound(c, rows[i]))
         forces -= value_of(c.bound, t) * c.tangent.row(0).transpose();
     }
     value.segment(d, d) = mass ? Vector(mass->solve(forces)) : forces;
@@ -202,7 +200,10 @@ TimeFunction source_of_rows(const std::shared_ptr<const std::vector<Contact>>& c
         g.segment(r.friction, 2).setConstant(R);
       else if (c.facets > 0)
         g.segment(r.friction, c.facets + 1) << -directions(c.facets) * V, R;
-      else
+      else if (is_circle(c)) {
+        g.segment(circle_row(r), 2) = -V;
+        if (r.normal < 0) g[r.friction] = -R;
+      } else
         g.segment(r.friction, 2) << -V[0], 2 * R;
     }
   };
@@ -250,6 +251,9 @@ void set_names(const Mechanism& m, Scene& scene) {
     } else if (c.facets > 0) {
       for (Index k = 0; k < c.facets; ++k) add(text("facet%td", k), text("slide%td", k));
       add("slip", "room");
+    } else if (is_circle(c)) {
+      if (r.normal < 0) add("bound", "off");
+      for (const char* k : {"0", "1"}) add(std::string("friction") + k, std::string("slide") + k);
     } else {
       add("friction", "slide");
       add("slip", "room");
@@ -267,6 +271,16 @@ Vector restitutions(const Mechanism& m, Index n) {
     rigid = rigid || m.contacts[i].kn == 0;
   }
   return rigid ? e : Vector();
+}
+
+std::vector<FrictionCone> circles(const Mechanism& m) {
+  std::vector<FrictionCone> cones;
+  for (std::size_t i = 0; i < m.contacts.size(); ++i) {
+    if (!is_circle(m.contacts[i])) continue;
+    const bool given = m.rows[i].normal < 0;
+    cones.push_back({circle_row(m.rows[i]) - 1, given ? 1 : m.contacts[i].mu, given});
+  }
+  return cones;
 }
 
 void set_conditions(const Structure& s, Index states, Scene& scene) {
@@ -304,6 +318,7 @@ void add_relays(const Relays& relays, const std::shared_ptr<const Eigen::LLT<Mat
     e.tail(n) = scene.restitution;
     scene.restitution = e;
   }
+  for (FrictionCone& cone : scene.cones) cone.first += 2 * k;
   for (ContactRows& r : made.rows)
     for (Index* row : {&r.normal, &r.friction})
       if (*row >= 0) *row += 2 * k;
@@ -341,6 +356,7 @@ Mechanism make_mechanism(Structure structure, std::vector<Contact> contacts, con
   scene.breakpoints = s.breakpoints;
   scene.breakpoints_are_all = s.breakpoints_are_all;
   scene.restitution = restitutions(made, rows.constraints());
+  scene.cones = circles(made);
   set_conditions(s, rows.states(), scene);
   set_names(made, scene);
   if (relays.C.rows() > 0) add_relays(relays, mass, made);
@@ -368,6 +384,8 @@ RowMatrix Mechanism::friction_forces(const Vector& t, const RowMatrix& x, const 
       forces.col(at) = -x.col(r.state);
     } else if (c.facets > 0) {
       forces.middleCols(at, 2) = y.middleCols(r.friction, c.facets) * directions(c.facets);
+    } else if (is_circle(c)) {
+      forces.middleCols(at, 2) = y.middleCols(circle_row(r), 2);
     } else {
       forces.col(at) = y.col(r.friction);
       if (r.normal >= 0)

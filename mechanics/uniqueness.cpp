@@ -93,8 +93,9 @@ class Choices {
 }  // namespace
 
 Uniqueness uniqueness(const Mechanism& m) {
-  const bool facets = std::any_of(m.contacts.begin(), m.contacts.end(), [](const Contact& c) { return c.facets > 0; });
-  if (facets || m.contacts.size() > most_contacts || m.coordinates() > most_coordinates) return Uniqueness::too_many;
+  const bool in_space =
+      std::any_of(m.contacts.begin(), m.contacts.end(), [](const Contact& c) { return c.tangent.rows() == 2; });
+  if (in_space || m.contacts.size() > most_contacts || m.coordinates() > most_coordinates) return Uniqueness::too_many;
   return Choices(m).result();
 }
 

@@ -1,5 +1,6 @@
 #include "core/accuracy/convergence.hpp"
 
+#include "core/accuracy/impact_sides.hpp"
 #include "core/result/options.hpp"
 
 #include <algorithm>
@@ -19,6 +20,7 @@ constexpr double chance = 4;  ///< times the differences to three other grids: e
 // Where solutions are smooth: implicit Euler, piecewise-linear y (continuous, or Galerkin's), Radau IIA. Where steps
 // may have other solutions, a method goes over to one at the end of a step, and y jumps there.
 double order_of(const Result& result) {
+  if (result.impacts) return 2;
   if (by_euler(result) || !result.well_posed) return 1;
   return result.continuous || result.method == Method::galerkin ? 2 : 3;
 }
@@ -73,9 +75,22 @@ double largest_share(const Vector& v, const Vector& size) {
 }
 
 Distance distance(const Result& a, Index a_stride, const Result& b, Index b_stride, const ComponentSizes& s) {
+  RowMatrix x = a.x, of_a = mean(a);
+  const RowMatrix of_b = mean(b);
+  const double T = a.t[a.t.size() - 1];
+  const auto beside = [&](Index j) {
+    const Index row = j % a_stride == 0 ? j / a_stride * b_stride : -1;
+    if (row < 0 || row >= b.x.rows()) return RowOfSolution{x.row(j).transpose(), T * of_a.row(j).transpose()};
+    return RowOfSolution{b.x.row(row).transpose(), T * of_b.row(row).transpose()};
+  };
+  if (a.impacts && !a.impacts->empty() && b.x.cols() == x.cols()) {
+    RowMatrix integral = T * of_a;
+    take_sides(*a.impacts, a.t, a.x_components, beside, x, integral);
+    of_a = integral / T;
+  }
   return {largest(relative(a.y, a_stride, b.y, b_stride, s.of_y(b))),
-          largest(relative(mean(a), a_stride, mean(b), b_stride, s.of_mean(b))),
-          relative(a.x, a_stride, b.x, b_stride, s.of_x(b))};
+          largest(relative(of_a, a_stride, of_b, b_stride, s.of_mean(b))),
+          relative(x, a_stride, b.x, b_stride, s.of_x(b))};
 }
 
 Vector largest_jumps(const RowMatrix& y, const std::vector<bool>& known) {
@@ -106,7 +121,8 @@ Convergence::Convergence(const Scene& scene, const Result& first, ComponentSizes
       components_(std::size_t(first.x.cols()), x_),
       scene_(scene),
       sizes_(std::move(sizes)),
-      may_jump_(!first.continuous || by_euler(first) || first.jumps_inside || !first.well_posed) {}
+      may_jump_(!first.impacts && (!first.continuous || by_euler(first) || first.jumps_inside || !first.well_posed)),
+      jumps_(bool(first.impacts)) {}
 
 void Convergence::add(const Result& coarse, const Result& fine, bool resolved) {
   const Distance d = distance(coarse, 1, fine, 2, sizes_);

@@ -9,7 +9,8 @@
 // have an error of at least s h/(2 T). x is taken to have an error of up to |B s| h if its differences rise or fall by
 // a factor of 100 from one to the next, which shows that they are a matter of chance. (Where y holds the state on a
 // constraint, x is more accurate.) Jumps where sources jump are not meant, if steps are divided there. And a grid of
-// 3J/4 steps, the check, has few time points in common with the others.
+// 3J/4 steps, the check, has few time points in common with the others. March over impacts locates them: its jumps are
+// known to the square of the step, and the mean of y and x have order 2.
 
 #include "../result/result.hpp"
 #include "../scene/scene.hpp"
@@ -50,7 +51,8 @@ struct Distance {
 
   double of_x() const { return x.size() > 0 ? x.maxCoeff() : 0; }
 };
-/// Row a_stride j of `a` belongs to the time of row b_stride j of `b`.
+/// Row a_stride j of `a` belongs to the time of row b_stride j of `b`. Rows of `a` beside its impacts are on the side
+/// of those of `b` (impact_sides.hpp).
 Distance distance(const Result& a, Index a_stride, const Result& b, Index b_stride, const ComponentSizes& = {});
 
 /// The largest v_i / size_i; those with v_i = 0 do not count.
@@ -98,7 +100,7 @@ class Convergence {
   std::optional<Distance> check_;
   const Scene& scene_;
   ComponentSizes sizes_;
-  bool may_jump_, jumps_ = false, erratic_ = false;
+  bool may_jump_, jumps_, erratic_ = false;
   double displaced_ = 0, displaced_x_ = 0;  ///< errors of the mean and of x by jumps that are known to within a step
 };
 

@@ -1,11 +1,14 @@
 #include "core/certificate/certificate.hpp"
 
+#include "core/accuracy/impact_sides.hpp"
 #include "core/base/interruption.hpp"
 #include "core/certificate/defect.hpp"
 #include "core/certificate/distances.hpp"
 #include "core/dynamics/dense.hpp"
 #include "core/events/event_driven.hpp"
 #include "core/lcp/lcp_class.hpp"
+
+#include <numeric>
 
 namespace bromwich {
 
@@ -42,10 +45,23 @@ void compare(const Result& r, const std::vector<double>& breakpoints, const RowM
   pass_kept(J + 1);
 }
 
+// March over impacts has these to the square of the step: rows beside them on the side of the located solution.
+void take_sides_of(const EventSolution& located, Result& r, RowMatrix& states) {
+  if (!r.impacts || r.impacts->empty() || states.size() == 0) return;
+  std::vector<Index> all(std::size_t(states.cols()));
+  std::iota(all.begin(), all.end(), Index(0));
+  const auto other = [&](Index j) {
+    return RowOfSolution{located.x(r.t[j], false), located.integral_of_y(r.t[j], false)};
+  };
+  take_sides(*r.impacts, r.t, all, other, states, r.y_integral);
+}
+
 }  // namespace
 
-std::optional<Certificate> certify(const Scene& scene, const Result& r, const std::vector<double>& breakpoints,
-                                   const RowMatrix& states) {
+std::optional<Certificate> certify(const Scene& scene, const Result& given, const std::vector<double>& breakpoints,
+                                   const RowMatrix& given_states) {
+  Result r = given;
+  RowMatrix states = given_states;
   if (!unsuited_to_events(scene).empty() || scene.constraints() == 0) return std::nullopt;
   if (r.steps < 1 || r.y.rows() != r.steps + 1 || !r.y.bottomRows(r.steps).allFinite()) return std::nullopt;
   if (states.size() > 0 && (states.rows() != r.steps + 1 || states.cols() != scene.states())) return std::nullopt;
@@ -55,6 +71,7 @@ std::optional<Certificate> certify(const Scene& scene, const Result& r, const st
   const EventSolution located =
       integrate_with_events(scene, selection_class(scene.M, scene.lcp_class), breakpoints, options);
   if (!located.complete || !located.unique) return std::nullopt;
+  take_sides_of(located, r, states);
 
   const Matrix M = to_dense(scene.M);
   Matrix effect(scene.states() + scene.constraints(), scene.constraints());

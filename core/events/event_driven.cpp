@@ -379,6 +379,7 @@ std::string unsuited_to_events(const Scene& scene) {
   if (!d || d->E.size() > 0 || scene.states() > most_states || scene.constraints() > most_constraints)
     return text("it takes dense dynamics with at most %ld states and %ld constraints", long(most_states),
                 long(most_constraints));
+  if (!scene.cones.empty()) return "it takes no friction on circles";
   return scene.free_rows.empty() ? "" : "it takes no free rows";
 }
 

@@ -29,7 +29,13 @@ bool take_matrices(const Scene& scene, ImpactRows& r) {
   return true;
 }
 
-// Whether all rows are of the three kinds, and at least one is a gap.
+// Whether rows of a circle are a gap, or none where the bound is given, and two speeds.
+bool fits_cone(const ImpactRows& r, const FrictionCone& cone) {
+  return r.is(cone.first, cone.given ? Kind::room : Kind::gap) && r.is(cone.first + 1, Kind::speed) &&
+         r.is(cone.first + 2, Kind::speed);
+}
+
+// Whether all rows are of the three kinds, and at least one is a gap or of a circle.
 bool take_kinds(ImpactRows& r) {
   const Index n = r.constraints();
   const Matrix terms = Matrix(SparseMatrix(r.N.cwiseAbs() * r.B.cwiseAbs())), accelerations = Matrix(r.NA * r.B);
@@ -49,18 +55,26 @@ bool take_kinds(ImpactRows& r) {
     const bool fits = kind == Kind::room  ? of_others.isZero(0) && !r.is_force[std::size_t(i)]
                       : kind == Kind::gap ? accelerations(i, i) > 0 && r.is_force[std::size_t(i)]
                                           : of_forces.isZero(0) && r.is_force[std::size_t(i)];
-    if (!fits) return false;
     r.kind.push_back(kind);
+    if (!fits && !r.in_cone[std::size_t(i)]) return false;
   }
-  return std::find(r.kind.begin(), r.kind.end(), Kind::gap) != r.kind.end();
+  for (const FrictionCone& cone : r.cones)
+    if (!fits_cone(r, cone)) return false;
+  return !r.cones.empty() || std::find(r.kind.begin(), r.kind.end(), Kind::gap) != r.kind.end();
 }
 
 void take_friction(ImpactRows& r) {
   for (Index i = 0; i < r.constraints(); ++i) {
-    if (!r.is(i, Kind::room)) continue;
+    if (!r.is(i, Kind::room) || r.in_cone[std::size_t(i)]) continue;
     ImpactRows::Friction& f = r.friction.emplace_back(ImpactRows::Friction{i, {}, {}});
     for (Index j = 0; j < r.constraints(); ++j)
       if (r.M(i, j) != 0) (r.M(i, j) > 0 ? f.normals : f.forces).push_back(j);
+  }
+  for (const auto& [first, mu, given] : r.cones) {
+    std::vector<Index> normals;
+    if (!given) normals.push_back(first);
+    r.friction.push_back({given ? first : -1, normals, {first + 1, first + 2}, true});
+    r.is_force[std::size_t(first)] = 1;
   }
 }
 
@@ -69,7 +83,7 @@ void take_friction(ImpactRows& r) {
 bool take_displacements(ImpactRows& r) {
   Matrix b = Matrix(r.B);
   for (const ImpactRows::Friction& f : r.friction)
-    for (const Index i : f.normals)
+    for (const Index i : f.circle ? std::vector<Index>() : f.normals)
       for (const Index j : f.forces)
         b.col(i) -= r.M(f.room, i) / r.M(f.room, j) / (2 * double(f.forces.size())) * Matrix(r.B).col(j);
   const Vector moved = r.B.cwiseAbs() * Vector::Ones(r.constraints());
@@ -92,8 +106,8 @@ std::vector<Index> ImpactRows::acting(const std::vector<char>& closed, const Vec
   for (const Friction& f : friction) {
     const bool driven =
         std::any_of(f.normals.begin(), f.normals.end(), [&](Index i) { return closed[std::size_t(i)]; });
-    if (driven || (bounds && (*bounds)[f.room] != 0)) continue;
-    acts[std::size_t(f.room)] = 0;
+    if (driven || (bounds && f.room >= 0 && (*bounds)[f.room] != 0)) continue;
+    if (f.room >= 0) acts[std::size_t(f.room)] = 0;
     for (const Index j : f.forces) acts[std::size_t(j)] = 0;
   }
   std::vector<Index> rows;
@@ -110,7 +124,18 @@ Vector ImpactRows::touching(const Vector& x, const Vector& g) const {
          of_states * largest * (N.cwiseAbs() * Vector::Ones(x.size()));
 }
 
+// Forces that minimise a convex function: no friction but that of given bounds. Velocities are unique then.
+bool ImpactRows::are_convex() const {
+  const auto planar = [](const Friction& f) { return !f.circle; };
+  const auto pressed = [](const FrictionCone& cone) { return !cone.given && cone.mu > 0; };
+  if (std::any_of(friction.begin(), friction.end(), planar) || std::any_of(cones.begin(), cones.end(), pressed))
+    return false;
+  const double largest = impulses.cwiseAbs().maxCoeff();
+  return (impulses - impulses.transpose()).cwiseAbs().maxCoeff() <= 1e-12 * largest;
+}
+
 bool ImpactRows::have_one_solution() const {
+  if (!cones.empty()) return are_convex();
   const auto joined = [&](Index i, Index j) { return impulses(i, j) != 0 || impulses(j, i) != 0; };
   for (const auto& rows : connected_components(constraints(), joined, [](Index, Index) {})) {
     if (Index(rows.size()) > most_exact) return false;
@@ -124,11 +149,15 @@ bool ImpactRows::have_one_solution() const {
 
 std::optional<ImpactRows> impact_rows(const Scene& scene) {
   ImpactRows r;
-  if (scene.restitution.size() == 0 || scene.boundary || !scene.free_rows.empty() || !scene.memories.empty())
+  if ((scene.restitution.size() == 0 && scene.cones.empty()) || scene.boundary || !scene.free_rows.empty() ||
+      !scene.memories.empty())
     return std::nullopt;
   if (!take_matrices(scene, r)) return std::nullopt;
   r.M = to_dense(scene.M);
-  r.e = scene.restitution;
+  r.e = scene.restitution.size() > 0 ? scene.restitution : Vector(Vector::Zero(r.constraints()));
+  r.cones = scene.cones;
+  r.in_cone.assign(std::size_t(r.constraints()), 0);
+  for (const FrictionCone& cone : r.cones) std::fill_n(r.in_cone.begin() + cone.first, 3, 1);
   r.NA = r.N * r.A;
   r.NB = Matrix(r.N * r.B);
   if (!take_kinds(r)) return std::nullopt;

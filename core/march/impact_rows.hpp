@@ -9,6 +9,7 @@
 //     room    M y + g, M of others 0         0 <= z  ⊥  M z + d (mean of g)         what is left of the bound of
 //     friction
 //
+// Rows of friction on a circle are a gap, or a room for a bound that is given, and two speeds; their z is in a cone.
 // x at the end is x_free + D z, so that the matrix M + [N A; N; 0] D has a limit as d -> 0: that of impulses.
 
 #include "../scene/scene.hpp"
@@ -34,12 +35,16 @@ struct ImpactRows {
   std::vector<Kind> kind;
   std::vector<char> is_force;  ///< y_i moves the state
 
-  /// Friction with a bound: the room is what the forces leave of it. Without normals the bound is given.
+  /// Friction with a bound: the room is what the forces leave of it, -1 on a circle with a normal force. Without
+  /// normals the bound is given.
   struct Friction {
     Index room;
     std::vector<Index> normals, forces;
+    bool circle = false;
   };
   std::vector<Friction> friction;
+  std::vector<FrictionCone> cones;
+  std::vector<char> in_cone;  ///< n
 
   /// Rows of problems with these gaps closed. Friction of open contacts has none. `bounds`: means of g over a part, or
   /// null for impulses, which a given bound does not take.
@@ -49,11 +54,14 @@ struct ImpactRows {
   /// Whether a problem of velocities has one solution: its limit for small parts is of class P, with any larger
   /// diagonal. False where it is not known, as with more than 16 rows that act on each other.
   bool have_one_solution() const;
+
+ private:
+  bool are_convex() const;
 };
 
-/// Nothing where the scene does not state coefficients of restitution (which may be 0) of rigid contacts, or has rows
-/// of other kinds, gaps of states that forces move directly, boundary values, free rows, or dynamics without matrices
-/// or with a mass matrix.
+/// Nothing where the scene states neither coefficients of restitution (which may be 0) of rigid contacts nor friction
+/// on circles, or has rows of other kinds, gaps of states that forces move directly, boundary values, free rows, or
+/// dynamics without matrices or with a mass matrix.
 std::optional<ImpactRows> impact_rows(const Scene&);
 
 }  // namespace bromwich

@@ -1,7 +1,5 @@
 #include "core/march/impact_steps.hpp"
 
-#include "core/march/impact_problem.hpp"
-
 #include <Eigen/QR>
 
 #include <algorithm>
@@ -11,24 +9,9 @@ namespace bromwich {
 
 namespace {
 
-using Kind = ImpactRows::Kind;
-
-constexpr double no_speed = 1e-11;         ///< of the terms of w': less is no speed
-constexpr double same_time = 1e-9;         ///< of a step: contacts that close at once
-constexpr double brief_turn = 1e-6;        ///< of a step: sliding that ends so early has ended there before
-constexpr double shorter = 64;             ///< parts for the forces while sliding goes on
-constexpr double shortest_flight = 0.125;  ///< of a step, of a bounce that another one follows
-constexpr double kink = 1e-3;              ///< of the slopes of g, which parabolas know up to the square of a step
-constexpr Index most_parts = 1024;         ///< of a step
-
-double value(const Matrix& c, Index i, double s) { return c(i, 0) + s * (c(i, 1) + s * c(i, 2)); }
-Vector values(const Matrix& c, double s) { return c.col(0) + s * (c.col(1) + s * c.col(2)); }
-Vector slopes(const Matrix& c, double s) { return c.col(1) + 2 * s * c.col(2); }
 Vector means(const Matrix& c, double from, double to) {
   return c.col(0) + (from + to) / 2 * c.col(1) + (from * from + from * to + to * to) / 3 * c.col(2);
 }
-
-QuadraticColumns from_there(const Matrix& c, double s) { return {values(c, s), slopes(c, s), c.col(2)}; }
 
 }  // namespace
 
@@ -40,6 +23,7 @@ ImpactSteps::ImpactSteps(const ImpactRows& rows, double h, const Vector& x0)
       response_(flow_, rows.B, rows.speeds, h),
       x_(x0),
       y_(Vector::Zero(rows.constraints())),
+      shown_(y_),
       integral_(y_),
       closed_(rows.kind.size(), 0) {}
 
@@ -75,19 +59,29 @@ bool ImpactSteps::pass(const SmoothSources& now) {
   double from = 0;
   for (Index count = 0; from < now.length - same_time * h_; ++count) {
     const double d = now.length - from;
+    rests_ = false;
     if (count == most_parts || !take(now, from, d, part)) return false;
     Event event = first_event(now, from, d, part);
+    if (event.rests && !cones_among(part.rows).empty()) {
+      rests_ = true;
+      if (!take(now, from, d, part)) return false;
+      event = first_event(now, from, d, part);
+    }
     if (event.at <= same_time * h_) {
       put_back(now, from, event.gaps);
       if (!strike(now, from, event.gaps)) return false;
       continue;
     }
-    if (event.at < d - same_time * h_ && !take(now, from, event.at, part)) return false;
+    double length = std::min(event.at, d);
+    if (event.at < d - same_time * h_ && !take(now, from, length, part)) return false;
+    while (length > shortest_turn * h_ && turns_far(now, from, length, part)) {
+      length /= 2, event.gaps.clear();
+      if (!take(now, from, length, part)) return false;
+    }
     if (first_.size() == 0) first_ = y_at_begin(now, part);
-    from += std::min(event.at, d);
-    x_ = part.x, y_ = part.y;
-    for (Index i = 0; i < y_.size(); ++i)
-      integral_[i] += rows_.is_force[std::size_t(i)] ? part.z[i] : std::min(event.at, d) * y_[i];
+    from += length;
+    x_ = part.x, y_ = part.y, shown_ = part.shown;
+    for (Index i = 0; i < y_.size(); ++i) integral_[i] += rows_.is_force[std::size_t(i)] ? part.z[i] : length * y_[i];
     open(now, from, part.z);
     put_back(now, from, event.gaps);
     if (!event.gaps.empty() && !strike(now, from, event.gaps)) return false;
@@ -96,14 +90,14 @@ bool ImpactSteps::pass(const SmoothSources& now) {
 }
 
 // M + speeds D of these rows.
-Matrix ImpactSteps::problem(double d, const std::vector<Index>& rows) const {
+ImpactProblem ImpactSteps::problem(double d, const std::vector<Index>& rows) const {
   Matrix W = rows_.M(rows, rows);
   for (std::size_t c = 0; c < rows.size(); ++c) {
     if (!rows_.is_force[std::size_t(rows[c])]) continue;
     for (std::size_t r = 0; r < rows.size(); ++r)
       if (!rows_.is(rows[r], Kind::room)) W(Index(r), Index(c)) += response_.at(d, rows[r], rows[c]);
   }
-  return W;
+  return {std::move(W), cones_among(rows)};
 }
 
 // The part from x_ that begins at `from`, with the contacts that are closed.
@@ -115,18 +109,20 @@ bool ImpactSteps::take(const SmoothSources& now, double from, double d, Part& pa
   Matrix free = x_;
   flow_.advance(d, from_there(now.f, from), free);
   part.x = free;
-  part.z = part.y = Vector::Zero(n);
+  part.z = part.y = part.shown = Vector::Zero(n);
   if (!part.rows.empty()) {
     const Look end = look(now, to, part.x, part.y);
-    Vector q(Index(part.rows.size())), z;
+    Vector q(Index(part.rows.size()));
     for (Index k = 0; k < q.size(); ++k) {
       const Index i = part.rows[std::size_t(k)];
       q[k] = rows_.is(i, Kind::gap) ? end.slope[i] : rows_.is(i, Kind::speed) ? end.w[i] : d * bounds[i];
     }
-    if (!solve_part(d, part.rows, q, z)) return false;
+    ImpactSolution found;
+    if (!solve_part(d, part.rows, q, slides(now, from, part.rows), found)) return false;
     for (Index k = 0; k < q.size(); ++k) {
       const Index i = part.rows[std::size_t(k)];
-      part.z[i] = z[k], part.y[i] = rows_.is_force[std::size_t(i)] ? z[k] / d : z[k];
+      const double length = rows_.is_force[std::size_t(i)] ? d : 1;
+      part.z[i] = found.z[k], part.y[i] = found.z[k] / length, part.shown[i] = found.at_end[k] / length;
     }
     if (!part.z.isZero(0)) {
       QuadraticColumns input = from_there(now.f, from);
@@ -137,58 +133,65 @@ bool ImpactSteps::take(const SmoothSources& now, double from, double d, Part& pa
     }
   }
   follow_idle(now, to, part);
+  show_given_bounds(now, to, part);
   return true;
 }
 
-bool ImpactSteps::solve_part(double d, const std::vector<Index>& rows, const Vector& q, Vector& z) {
+bool ImpactSteps::solve_part(double d, const std::vector<Index>& rows, const Vector& q, const Matrix& slides,
+                             ImpactSolution& found) {
   if (std::abs(d - h_) > 1e-12 * h_) {
-    const Matrix W = problem(d, rows);
-    ActiveSetLcp lcp(W, LcpClass::unknown);
-    return solve(lcp, W, q, z);
+    ImpactProblem once = problem(d, rows);
+    return solve(once, q, slides, found);
   }
   if (!kept_ || rows != kept_rows_) {
-    kept_problem_ = problem(h_, rows);
-    kept_.emplace(kept_problem_, LcpClass::unknown);
+    kept_.emplace(problem(h_, rows));
     kept_rows_ = rows;
   }
-  return solve(*kept_, kept_problem_, q, z);
+  return solve(*kept_, q, slides, found);
 }
 
-bool ImpactSteps::solve(ActiveSetLcp& lcp, const Matrix& W, const Vector& q, Vector& z) {
-  const ImpactSolution found = solve_impact_problem(lcp, W, q);
+bool ImpactSteps::solve(ImpactProblem& problem, const Vector& q, const Matrix& slides, ImpactSolution& found) {
+  found = problem.solve(q, slides);
   report_.count.newton += found.newton;
   report_.count.fallbacks += found.fallback;
   ++(found.solved ? report_.count.solved : report_.count.unsolved);
   report_.finite = report_.finite && q.allFinite();
   residual_ = std::max(residual_, found.residual);
-  z = found.z;
   return found.solved;
 }
 
 // y of friction that does not act: no force, and the speed that its rows need.
 void ImpactSteps::follow_idle(const SmoothSources& now, double s, Part& part) const {
   for (const ImpactRows::Friction& f : rows_.friction) {
-    if (std::binary_search(part.rows.begin(), part.rows.end(), f.room)) continue;
+    if (f.circle || std::binary_search(part.rows.begin(), part.rows.end(), f.room)) continue;
     for (const Index i : f.forces) {
       const double w = N_.row(i).dot(part.x) + value(now.g, i, s);
       if (rows_.M(i, f.room) > 0) part.y[f.room] = std::max(part.y[f.room], -w / rows_.M(i, f.room));
     }
-    part.z[f.room] = part.y[f.room];
+    part.z[f.room] = part.shown[f.room] = part.y[f.room];
   }
 }
 
 // Forces of the first part, and what the speeds at its begin make of the others.
 Vector ImpactSteps::y_at_begin(const SmoothSources& now, const Part& part) const {
-  Part begin{{}, part.z, part.y, x_};
-  for (const ImpactRows::Friction& f : rows_.friction) begin.y[f.room] = 0;
+  Part begin{{}, part.z, part.y, x_, part.y};
+  for (const ImpactRows::Friction& f : rows_.friction)
+    if (!f.circle) begin.y[f.room] = 0;
   follow_idle(now, 0, begin);
+  const std::vector<ImpactCone> cones = cones_among(part.rows);
+  const Matrix along = slides(now, 0, part.rows);
+  for (Index k = 0; k < along.cols(); ++k) {
+    const Index first = part.rows[std::size_t(cones[std::size_t(k)].first + 1)] - 1;
+    if (!along.col(k).isZero(0))
+      begin.y.segment(first + 1, 2) = -cones[std::size_t(k)].mu * begin.y[first] * along.col(k);
+  }
   return begin.y;
 }
 
 // Contacts close where cubics through the gaps and their slopes at both ends of the part fall below 0.
 ImpactSteps::Event ImpactSteps::first_event(const SmoothSources& now, double from, double d, const Part& part) {
   const Look begin = look(now, from, x_, part.y), end = look(now, from + d, part.x, part.y);
-  Event event{INFINITY, {}};
+  Event event;
   Vector at = Vector::Constant(y_.size(), INFINITY);
   for (Index i = 0; i < y_.size(); ++i) {
     if (!rows_.is(i, Kind::gap) || closed_[std::size_t(i)]) continue;
@@ -196,40 +199,12 @@ ImpactSteps::Event ImpactSteps::first_event(const SmoothSources& now, double fro
     at[i] = first_fall({std::max(begin.w[i], 0.0), begin.slope[i], end.w[i], end.slope[i]}, d, zero);
     event.at = std::min(event.at, at[i]);
   }
-  event.at = std::min(event.at, first_turn(now, from, d, begin, end, part));
+  const double turn = first_turn(now, from, d, begin, end, part);
+  event.rests = turn == 0;
+  if (turn > 0) event.at = std::min(event.at, turn);
   for (Index i = 0; i < y_.size(); ++i)
     if (at[i] <= event.at + same_time * h_ && std::isfinite(at[i])) event.gaps.push_back(i);
   return event;
-}
-
-// Sliding ends within the part where it has another direction at its end, or none. Constant forces of the whole part do
-// not tell when, since friction jumps there. Those of a part that is so short that it goes on do.
-double ImpactSteps::first_turn(const SmoothSources& now, double from, double d, const Look& begin, const Look& end,
-                               const Part& part) {
-  const auto size = [&](Index i) { return no_speed * std::max(begin.size[i], end.size[i]); };
-  const auto goes_on = [&](Index i, double w) { return begin.w[i] > 0 ? w > size(i) : w < -size(i); };
-  std::vector<Index> ends;
-  for (const Index i : part.rows)
-    if (rows_.is(i, Kind::speed) && std::abs(begin.w[i]) > size(i) && !goes_on(i, end.w[i])) ends.push_back(i);
-  if (ends.empty()) return INFINITY;
-  Part brief;
-  for (double length = d / shorter; length > brief_turn * h_; length /= shorter) {
-    if (!take(now, from, length, brief)) return INFINITY;
-    const Look there = look(now, from + length, brief.x, brief.y);
-    if (!std::all_of(ends.begin(), ends.end(), [&](Index i) { return goes_on(i, there.w[i]); })) continue;
-    Matrix x = x_;
-    QuadraticColumns input = from_there(now.f, from);
-    input[0] += rows_.B * brief.y;
-    flow_.advance(d, input, x);
-    const Look a = look(now, from, x_, brief.y), b = look(now, from + d, x, brief.y);
-    double first = INFINITY;
-    for (const Index i : ends) {
-      const double sign = begin.w[i] > 0 ? 1 : -1;
-      first = std::min(first, first_fall({sign * a.w[i], sign * a.slope[i], sign * b.w[i], sign * b.slope[i]}, d, 0));
-    }
-    return first > brief_turn * h_ ? first : INFINITY;
-  }
-  return INFINITY;
 }
 
 // -w'' of gaps, with the forces of the last part but those of the contact itself.
@@ -259,7 +234,7 @@ bool ImpactSteps::strike(const SmoothSources& now, double s, const std::vector<I
   if (!strikes) return true;
   const std::vector<Index> rows = rows_.acting(closed_, nullptr);
   const Vector falls = falling(now, s);
-  Vector q(Index(rows.size())), z, bounce = Vector::Zero(y_.size());
+  Vector q(Index(rows.size())), bounce = Vector::Zero(y_.size());
   for (Index k = 0; k < q.size(); ++k) {
     const Index i = rows[std::size_t(k)];
     if (rows_.is(i, Kind::gap)) {
@@ -270,14 +245,15 @@ bool ImpactSteps::strike(const SmoothSources& now, double s, const std::vector<I
       q[k] = rows_.is(i, Kind::speed) ? before.w[i] : 0;
     }
   }
-  const Matrix W = rows_.impulses(rows, rows);
-  ActiveSetLcp lcp(W, LcpClass::unknown);
-  if (!solve(lcp, W, q, z)) return false;
-  ++impacts_;
+  ImpactProblem impulses(rows_.impulses(rows, rows), cones_among(rows));
+  ImpactSolution found;
+  if (!solve(impulses, q, {}, found)) return false;
   Vector p = Vector::Zero(y_.size());
   for (Index k = 0; k < q.size(); ++k)
-    if (const Index i = rows[std::size_t(k)]; rows_.is_force[std::size_t(i)]) p[i] = z[k];
-  x_ += rows_.B * p;
+    if (const Index i = rows[std::size_t(k)]; rows_.is_force[std::size_t(i)]) p[i] = found.z[k];
+  const Vector jump = rows_.B * p;
+  x_ += jump;
+  if (!p.isZero(0)) impacts_.push_back({now.begin + s, p, jump});
   integral_ += p;
   for (Index i = 0; i < y_.size(); ++i)
     if (p[i] > 0 && bounce[i] > zero[i]) closed_[std::size_t(i)] = 0;

@@ -8,14 +8,16 @@
 // closed contacts, from which they are off by the cube of the part. Where a contact closes, the same problem with
 // D = B has the impulses p as unknowns and Newton's law: w'+ + e w'- >= 0. What is left behind of y is part of it, and
 // complementary to M p. Where a contact that parts would be back within an eighth of a step, it stays closed: it would
-// rise by less than the square of the step.
+// rise by less than the square of the step. Friction on circles has another direction at the end of a part than at its
+// begin: its impulse is the mean of both (impact_problem.hpp).
 
-#include "../lcp/active_set.hpp"
 #include "../lcp/march_report.hpp"
+#include "bromwich/result.hpp"
 #include "impact_flow.hpp"
+#include "impact_problem.hpp"
 #include "impact_rows.hpp"
 
-#include <map>
+#include <cmath>
 #include <optional>
 #include <vector>
 
@@ -41,10 +43,10 @@ class ImpactSteps {
   void begin_step() { integral_.setZero(); }
 
   const Vector& x() const { return x_; }
-  const Vector& y() const { return y_; }                ///< of the last part
+  const Vector& y() const { return shown_; }            ///< at the end of the last part
   const Vector& first() const { return first_; }        ///< y of the first part of all
   const Vector& integral() const { return integral_; }  ///< of y over the step, impulses included
-  Index impacts() const { return impacts_; }
+  const std::vector<Impact>& impacts() const { return impacts_; }
   double residual() const { return residual_; }  ///< of all problems, relative to their terms
   MarchReport& report() { return report_; }
 
@@ -52,29 +54,62 @@ class ImpactSteps {
   // Values and slopes of all w, without M y, and the sizes of their terms.
   struct Look {
     Vector w, slope, size, size_of_slope;
+    /// A speed below this is none: rounding of its terms, and of what the terms of its rate do over a step.
+    double rest(Index i, double h) const { return no_speed * (size[i] + h * size_of_slope[i]); }
   };
   struct Part {
     std::vector<Index> rows;
-    Vector z, y, x;  ///< n, n, m: at the end
+    Vector z, y, x;  ///< n, n, m: impulses, their means, and at the end
+    Vector shown;    ///< n: y at the end
   };
   struct Event {
-    double at;                ///< within the part; infinite: none
+    double at = INFINITY;     ///< within the part; infinite: none
     std::vector<Index> gaps;  ///< that close there; none: sliding ends
+    bool rests = false;       ///< sliding has ended at the begin
   };
   Look look(const SmoothSources&, double s, const Vector& x, const Vector& y) const;
-  Matrix problem(double d, const std::vector<Index>& rows) const;
+  // A combination of two rows: the speed in the direction in which a contact slides at the begin of a part.
+  struct Sliding {
+    Index first, second;
+    Eigen::Vector2d along;
+    double of(const Vector& v) const { return along[0] * v[first] + along[1] * v[second]; }
+  };
+  ImpactProblem problem(double d, const std::vector<Index>& rows) const;
+  std::vector<ImpactCone> cones_among(const std::vector<Index>& rows) const;
+  Matrix slides(const SmoothSources&, double s, const std::vector<Index>& rows) const;
+  bool goes_on(const Sliding&, const Look& begin, const Look& there) const;
+  std::vector<Sliding> sliding(const Look& begin, const Look& end, const std::vector<Index>& rows) const;
   bool take(const SmoothSources&, double from, double d, Part&);
-  bool solve(ActiveSetLcp&, const Matrix& W, const Vector& q, Vector& z);
-  bool solve_part(double d, const std::vector<Index>& rows, const Vector& q, Vector& z);
+  bool solve(ImpactProblem&, const Vector& q, const Matrix& slides, ImpactSolution&);
+  bool solve_part(double d, const std::vector<Index>& rows, const Vector& q, const Matrix& slides, ImpactSolution&);
   Event first_event(const SmoothSources&, double from, double d, const Part&);
+  bool turns_far(const SmoothSources&, double from, double d, const Part&) const;
   double first_turn(const SmoothSources&, double from, double d, const Look& begin, const Look& end, const Part&);
   void follow_idle(const SmoothSources&, double s, Part&) const;
+  void show_given_bounds(const SmoothSources&, double s, Part&) const;
   Vector y_at_begin(const SmoothSources&, const Part&) const;
   Vector falling(const SmoothSources&, double s) const;
   bool is_brief(double speed, double falls) const;
   bool strike(const SmoothSources&, double s, const std::vector<Index>& gaps);
   void open(const SmoothSources&, double s, const Vector& z);
   void put_back(const SmoothSources&, double s, const std::vector<Index>& more);
+
+  // Of steps, sizes of terms and sources.
+  static constexpr double no_speed = 1e-11;         ///< of the terms of w': less is no speed
+  static constexpr double at_bound = 1e-9;          ///< of the bound of friction: less than that below it slips
+  static constexpr double same_time = 1e-9;         ///< of a step: contacts that close at once
+  static constexpr double brief_turn = 1e-6;        ///< of a step: sliding that ends so early has ended there before
+  static constexpr double shorter = 64;             ///< parts for the forces while sliding goes on
+  static constexpr double shortest_flight = 0.125;  ///< of a step, of a bounce that another one follows
+  static constexpr double kink = 1e-3;        ///< of the slopes of g, which parabolas know up to the square of a step
+  static constexpr double most_turn = 0.995;  ///< cosine of the angle by which sliding turns on a part, 0.1 radians
+  static constexpr double shortest_turn = 1e-3;  ///< of a step: shorter parts are not divided for that
+  static constexpr Index most_parts = 1024;      ///< of a step
+  static double value(const Matrix& c, Index i, double s) { return c(i, 0) + s * (c(i, 1) + s * c(i, 2)); }
+  static Vector values(const Matrix& c, double s) { return c.col(0) + s * (c.col(1) + s * c.col(2)); }
+  static Vector slopes(const Matrix& c, double s) { return c.col(1) + 2 * s * c.col(2); }
+  static QuadraticColumns from_there(const Matrix& c, double s) { return {values(c, s), slopes(c, s), c.col(2)}; }
+  using Kind = ImpactRows::Kind;
 
   const ImpactRows& rows_;
   ImpactFlow flow_;
@@ -83,13 +118,13 @@ class ImpactSteps {
   const ImpactResponse response_;
   // Of whole steps with these rows.
   std::vector<Index> kept_rows_;
-  Matrix kept_problem_;
-  std::optional<ActiveSetLcp> kept_;
-  Vector x_, y_, first_, integral_;
+  std::optional<ImpactProblem> kept_;
+  Vector x_, y_, shown_, first_, integral_;
   std::vector<char> closed_;
   std::vector<Index> held_;
   Matrix onto_held_;  ///< pseudoinverse of N onto, of held_
-  Index impacts_ = 0;
+  std::vector<Impact> impacts_;
+  bool rests_ = false;  ///< sliding on circles has ended at the begin of the part
   double residual_ = 0;
   MarchReport report_;
 };

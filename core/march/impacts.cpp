@@ -107,7 +107,7 @@ void march(const DiscreteProblem& p, const Options& options, ImpactSteps& steps,
     const std::vector<SmoothSources> parts = sources.of_step(j);
     if (j == 1) {
       solved = solved && steps.start(parts[0]);
-      result.starts_with_impulse = steps.impacts() > 0;
+      result.starts_with_impulse = !steps.impacts().empty();
     } else {
       steps.begin_step();
     }
@@ -134,13 +134,16 @@ std::optional<ImpactRows> rows_of_impacts(const DiscreteProblem& p) {
   return rows;
 }
 
-bool bounces(const DiscreteProblem& p) { return (p.scene.restitution.array() > 0).any(); }
+bool needs_location(const DiscreteProblem& p) {
+  return (p.scene.restitution.array() > 0).any() || !p.scene.cones.empty();
+}
 
 void refuse_impacts(Result& result) {
   result.status = Status::unsupported;
   result.reason =
-      "steps over impacts with restitution take rigid contacts with friction, from states that are not beyond one, and "
-      "steps that are not long beside the fastest mode; use more steps or method events";
+      "steps over impacts with restitution and friction on circles take rigid contacts, from states that are not "
+      "beyond "
+      "one, and steps that are not long beside the fastest mode; use more steps or method events";
 }
 
 void solve_over_impacts(const DiscreteProblem& p, const ImpactRows& rows, const Options& options, Result& result) {
@@ -161,7 +164,8 @@ void solve_over_impacts(const DiscreteProblem& p, const ImpactRows& rows, const 
   if (steps.first().size() > 0) result.y.row(0) = steps.first().transpose();
   result.continuous = false;
   if (p.sources) result.defects = std::make_shared<StepDefects>();
-  result.kernel = text("state of the scene by its exact flow, steps divided at %td impacts", steps.impacts());
+  result.kernel = text("state of the scene by its exact flow, steps divided at %zu impacts", steps.impacts().size());
+  result.impacts = std::make_shared<const std::vector<Impact>>(steps.impacts());
   result.kernel_error = 0;
   result.well_posed = steps.report().well_posed;
   result.bytes = sizeof(double) * std::size_t(2 * result.y.size() + result.x.size()) + host_bytes(p);

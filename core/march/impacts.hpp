@@ -13,8 +13,9 @@ namespace bromwich {
 /// step is very long beside 1 / |A|.
 std::optional<ImpactRows> rows_of_impacts(const DiscreteProblem&);
 
-/// Whether coefficients are above 0, so that other steps would take impacts as without.
-bool bounces(const DiscreteProblem&);
+/// Whether coefficients are above 0, or friction is on circles: other steps would take impacts as without, and cones as
+/// orthants.
+bool needs_location(const DiscreteProblem&);
 /// Where such a scene has no rows.
 void refuse_impacts(Result&);
 

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 #include <vector>
 
 namespace bromwich {
@@ -40,6 +41,20 @@ void validate_restitution(const Scene& scene) {
     if (!M.row(i).isZero(0) || ((moves.cwiseAbs() - 64 * epsilon * terms).array() > 0).any())
       throw Error("restitution", row + ": y acts on w or on its first derivative",
                   "give it to rows of rigid contact, whose second derivative y acts on");
+  }
+}
+
+void validate_cones(const Scene& scene) {
+  const Index n = scene.constraints();
+  std::vector<char> taken(std::size_t(n), 0);
+  for (const FrictionCone& cone : scene.cones) {
+    if (cone.first < 0 || cone.first + 3 > n)
+      throw Error("cones", text("rows %td to %td of %td", cone.first, cone.first + 2, n), "rows are counted from 0");
+    if (!(cone.mu >= 0 && std::isfinite(cone.mu)))
+      throw Error("cones", text("mu is %g", cone.mu), "give a number >= 0");
+    for (Index i = cone.first; i < cone.first + 3; ++i)
+      if (std::exchange(taken[std::size_t(i)], 1))
+        throw Error("cones", text("row %td is in two of them", i), "give each row to one cone");
   }
 }
 
@@ -168,6 +183,7 @@ void Scene::validate() const {
     validate_x0(x0);
   validate_free_rows(free_rows, n);
   validate_restitution(*this);
+  validate_cones(*this);
   validate_memories(*this);
   require_positive("T", T);
   if (default_steps < 0) throw Error("default_steps", "is " + std::to_string(default_steps), "give 1 or more");

@@ -36,8 +36,13 @@ constexpr double most_typical_error = 0.5;    ///< of the state, at one row of t
 // eigenvalue of A^{-1}, the exponential.
 Rule growth_rule(const DiscreteProblem& p, Method method, const Result& result) {
   if (by_euler(method, result)) return Rule::implicit_euler;
-  if (result.continuous) return Rule::exponential;
+  if (result.continuous || result.impacts) return Rule::exponential;
   return !p.small_state() || has_euler_step(p.small_state()->A, p.h) ? Rule::implicit_euler : Rule::exponential;
+}
+
+// Steps over impacts and between lines of y have the flow itself.
+bool has_rational_steps(Method method, const Result& result) {
+  return by_euler(method, result) || (!result.continuous && !result.impacts);
 }
 
 // The rounding error of M y for a large y, as in a step with an impulse.
@@ -90,6 +95,7 @@ void Certification::certify(Method method, Result& result) {
       !(missed <= most_literal_residual))
     return demote(result,
                   text("with the states that y gives, complementarity fails by %.1e: its contours miss them", missed));
+  if (!p.scene.cones.empty()) return certify_cones(method, result);
   const bool continuous = !by_euler(method, result) && result.continuous;
   // Where sources go up and down from step to step, so does y.
   const bool driven = result.defects && 4 * Index(result.defects->steps.size()) > p.J;
@@ -110,7 +116,7 @@ void Certification::certify(Method method, Result& result) {
   if (m.correction > most_correction)
     return demote(result, text("y and the states that it leads to part by %.1e of y, because the free state grows: %s",
                                m.correction, method == Method::march ? "use more steps" : "use method march"));
-  const bool rational = by_euler(method, result) || !result.continuous;
+  const bool rational = has_rational_steps(method, result);
   if (options_.compares_grids) {  // the next grid is half the step
     resolve_modes(method, m.x, result);
     if (rational && result.status == Status::solved) doubt_growth(method, growth_rate(p), result);
@@ -126,6 +132,14 @@ void Certification::certify(Method method, Result& result) {
   if (rational && result.status == Status::solved) doubt_growth(method, growth_rate(p), result);
   if (result.status == Status::solved && !sources_are_unresolved()) estimate_errors_at_jumps(method, result);
   if (result.status == Status::solved) look_for_other_solutions(result);
+}
+
+// The state over exact flows has no error but that of the forces of steps. What is unique is not known with friction of
+// normal forces.
+void Certification::certify_cones(Method method, Result& result) {
+  if (result.well_posed || options_.compares_grids) return;
+  confirm_one_of_several(method, result);
+  if (result.status == Status::solved) tell(result, {.code = NoticeCode::may_be_others});
 }
 
 bool Certification::sources_are_unresolved() const {
@@ -199,8 +213,7 @@ void Certification::confirm_one_of_several(Method method, Result& result) {
 // Modes of the state between switches that the rule damps on this grid and on the next one alike.
 void Certification::resolve_modes(Method method, const RowMatrix& known, Result& result) {
   const DiscreteProblem& p = methods_.problem();
-  const bool rational = by_euler(method, result) || !result.continuous;
-  if (!rational || !Methods::has_small_dense_state(p.scene)) return;
+  if (!has_rational_steps(method, result) || !Methods::has_small_dense_state(p.scene)) return;
   // Implicit Euler takes the means of rough sources, and has other states then.
   const bool fits = known.rows() == p.J + 1 && !(by_euler(method, result) && p.sources);
   const RowMatrix made = fits ? RowMatrix() : methods_.all_states(method, result);

@@ -32,6 +32,7 @@ class Certification {
 
  private:
   bool judge_by_certificate(Method, Result&);
+  void certify_cones(Method, Result&);
   bool sources_are_unresolved() const;  ///< their changes inside steps were given up
   double true_residual(const Result&) const;
   void confirm(Method, const Magnification&, Result&);

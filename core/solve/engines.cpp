@@ -35,8 +35,10 @@ Vector start_by_galerkin(const Scene& scene, Backend& backend, const InnerOption
 
 bool ends(const Result& r) { return r.status == Status::solved || r.status == Status::interrupted; }
 
-// Impacts with restitution are located: other steps than those of march would take them as without.
+// Impacts with restitution are located: other steps than those of march would take them as without. So are steps with
+// friction on circles.
 bool bounces(const Scene& scene) { return (scene.restitution.array() > 0).any(); }
+bool needs_march(const Scene& scene) { return bounces(scene) || !scene.cones.empty(); }
 // So are modes with memory.
 bool remembers(const Scene& scene) { return !scene.memories.empty(); }
 bool is_located(const Scene& scene) { return bounces(scene) || remembers(scene); }
@@ -62,22 +64,27 @@ Result for_goal(const Scene& scene, Backend& backend, const InnerOptions& option
 }
 
 constexpr const char* of_impacts =
-    "impacts with restitution are located: use method events, march with given steps, or shooting for boundary values";
+    "impacts with restitution are located: use method events or march, or shooting for boundary values";
+
+constexpr const char* of_circles = "friction on circles is taken by method march alone; use it, or facets";
 
 constexpr const char* of_memory = "modes with memory are taken by located events alone; use method events";
 
 std::string not_shooting(const Scene& scene) {
+  if (!scene.cones.empty()) return of_circles;
   const std::string why = unsuited_to_shooting(scene);
   if (why.empty()) return "";
   return "method shooting: " + why + (is_located(scene) ? "" : "; use method galerkin");
 }
 
 std::string not_events(const Scene& scene) {
+  if (!scene.cones.empty()) return of_circles;
   const std::string why = unsuited_to_events(scene);
   return why.empty() ? "" : "method events: " + why + (is_located(scene) ? "" : "; use method march or euler");
 }
 
 std::string not_impacts(const Scene& scene) {
+  if (!scene.cones.empty()) return of_circles;
   if (bounces(scene)) return of_impacts;
   return remembers(scene) ? of_memory : "";
 }
@@ -116,6 +123,11 @@ constexpr Engine engines[] = {
     {Method::automatic, always, not_on_steps, on_grids},
 };
 
+// Where method shooting finds no x(0), grids may; where events are not located, steps over impacts may do.
+bool may_be_followed(const Engine& engine, const Scene& scene) {
+  return engine.method == Method::shooting || (engine.method == Method::events && !remembers(scene));
+}
+
 // Method shooting takes initial values on given steps, as the methods of these do.
 bool is_named(const Engine& engine, const Scene& scene, Method method) {
   if (method == Method::automatic || (engine.method == Method::shooting && !scene.boundary)) return false;
@@ -126,6 +138,7 @@ bool is_named(const Engine& engine, const Scene& scene, Method method) {
 
 Result solve_reduced(const Scene& scene, Backend& backend, const InnerOptions& options) {
   std::string before;  // why the engines before did not solve it
+  bool after_shooting = false;
   std::string refused;
   Result result;
   for (const Engine& engine : engines) {
@@ -138,25 +151,26 @@ Result solve_reduced(const Scene& scene, Backend& backend, const InnerOptions& o
     }
     InnerOptions one = options;
     if (!named) one.method = engine.method;
-    if (engine.method == Method::automatic && bounces(scene)) {
-      if (controls_error(options) || (named && options.method != Method::march))
-        return unsolved(scene, backend, options, Status::unsupported, of_impacts);
+    if (engine.method == Method::automatic && needs_march(scene)) {
+      if (named && options.method != Method::march)
+        return unsolved(scene, backend, options, Status::unsupported, not_impacts(scene));
       one.method = Method::march;
     }
-    if (!before.empty()) one.max_steps = std::min(one.max_steps, most_after_shooting);
+    if (after_shooting) one.max_steps = std::min(one.max_steps, most_after_shooting);
     try {
       Result next = engine.run(scene, backend, one);
       if (!before.empty() && next.status == Status::tolerance_not_met)
-        next.reason = before + "; method " + to_string(engine.method) + ": " + next.reason;
-      if (engine.method != Method::shooting || named || ends(next)) return next;
+        next.reason = before + "; method " + to_string(one.method) + ": " + next.reason;
+      if (named || ends(next) || !may_be_followed(engine, scene)) return next;
       result = std::move(next);
     } catch (const Error& error) {
       if (before.empty() || error.kind() != ErrorKind::bad_input) throw;
       result.reason = before + "; method " + to_string(engine.method) + ": " + error.what();
       return result;
     }
-    before = "method shooting: " + result.reason;
-    note(options.log, LogLevel::info, "method shooting gives up: %s", result.reason.c_str());
+    before = std::string("method ") + to_string(engine.method) + ": " + result.reason;
+    after_shooting = engine.method == Method::shooting;
+    note(options.log, LogLevel::info, "method %s gives up: %s", to_string(engine.method), result.reason.c_str());
   }
   return before.empty() ? unsolved(scene, backend, options, Status::unsupported, refused) : result;
 }

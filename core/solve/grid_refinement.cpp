@@ -128,7 +128,7 @@ std::string GridRefinement::spent(Index J) const {
 
 std::optional<Result> GridRefinement::on_tree() {
   const bool march = options_.method == Method::march || options_.method == Method::automatic;
-  if (tried_tree_ || !march || solved_->method != Method::march) return std::nullopt;
+  if (tried_tree_ || !march || solved_->method != Method::march || solved_->impacts) return std::nullopt;
   if (solved_->starts_with_impulse || solved_->magnification > most_growth) return std::nullopt;
   tried_tree_ = true;
   if (const std::string why = unsuited_to_radau_steps(scene_); !why.empty()) {

@@ -51,7 +51,8 @@ bool share_preparation(const Scene& a, const Scene& b) {
   return same_dynamics(a.dynamics, b.dynamics) && a.lcp_class == b.lcp_class && a.T == b.T &&
          a.default_steps == b.default_steps && a.f_entry == b.f_entry && bool(a.f) == bool(b.f) &&
          a.free_rows == b.free_rows && !a.boundary && !b.boundary && !a.port && !b.port && same(a.F, b.F) &&
-         same(a.M, b.M) && same_values(a.restitution, b.restitution) && a.memories.empty() && b.memories.empty();
+         same(a.M, b.M) && same_values(a.restitution, b.restitution) && a.cones.empty() && b.cones.empty() &&
+         a.memories.empty() && b.memories.empty();
 }
 
 // As a Solver, with the dynamics of the caller: a copy could not be compared with them next time.

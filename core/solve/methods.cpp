@@ -170,9 +170,8 @@ std::optional<ScanPlan> Methods::plan_of_march(const InnerOptions& options) cons
 }
 
 void Methods::march(const InnerOptions& options, Result& result) {
-  if (!options.compares_grids || bounces(problem_))
-    if (const auto rows = rows_of_impacts(problem_)) return step_over_impacts(*rows, options, result);
-  if (bounces(problem_)) return refuse_impacts(result);
+  if (const auto rows = rows_of_impacts(problem_)) return step_over_impacts(*rows, options, result);
+  if (needs_location(problem_)) return refuse_impacts(result);
   const std::optional<ScanPlan> plan = plan_of_march(options);
   const ScanPlan* const by_pieces = plan ? &*plan : nullptr;
   // Where stepping the state costs a solve a step, only what would ring keeps it from the weights.

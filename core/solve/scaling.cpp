@@ -2,6 +2,7 @@
 
 #include "core/dynamics/grid_system.hpp"
 #include "core/kernel/step_defects.hpp"
+#include "core/lcp/blocks.hpp"
 #include "core/lcp/lcp_class.hpp"
 #include "core/numerics/components.hpp"
 #include "core/result/slack.hpp"
@@ -227,7 +228,22 @@ Result changed(Result result, const NaturalUnits& units, int sign) {
     change_columns(defects->values, units.x, sign);
     result.defects = std::move(defects);
   }
+  if (result.impacts) {
+    auto impacts = std::make_shared<std::vector<Impact>>(*result.impacts);
+    const auto change = [sign](Vector& v, const Exponents& k) {
+      for (Index i = 0; i < v.size(); ++i) v[i] = times_ten_to(sign * k[std::size_t(i)], v[i]);
+    };
+    for (Impact& impact : *impacts) change(impact.p, units.y), change(impact.jump, units.x);
+    result.impacts = std::move(impacts);
+  }
   return result;
+}
+
+// Forces of a circle have one unit, and so have its two speeds.
+void keep_circle(const FrictionCone& cone, NaturalUnits& units) {
+  const auto y = units.y.begin() + cone.first, w = units.w.begin() + cone.first;
+  std::fill_n(y, 3, *std::max_element(y, y + 3));
+  std::fill_n(w + 1, 2, std::max(w[1], w[2]));
 }
 
 double boundary_residual_of(const BoundaryCondition& c, const RowMatrix& x) {
@@ -253,8 +269,14 @@ double stated_residual(const Scene& scene, const Result& result) {
     Vector y = result.y.row(j).transpose();
     const Vector w = slacks.row(j).transpose(), q = w - multiply(scene.M, y);
     if (!y.allFinite() || !w.allFinite()) continue;
+    const Vector given = y;
     y = y.cwiseMin(w);
     for (const Index i : scene.free_rows) y[i] = w[i];
+    for (const auto& [first, mu, known] : scene.cones) {
+      const Vector unscaled = Vector::Ones(3);
+      y.segment(first, 3) =
+          FrictionBlock(first, mu, known).law(given.segment(first, 3), w.segment(first, 3), unscaled, nullptr, nullptr);
+    }
     const double missed = y.cwiseAbs().maxCoeff() / std::max(1.0, q.cwiseAbs().maxCoeff());
     worst = std::isnan(worst) ? missed : std::max(worst, missed);
   }
@@ -277,6 +299,7 @@ NaturalUnits natural_units(const Scene& scene) {
   if (!common && !(all_zero(units.y) && all_zero(units.w)))
     if (const Semidefinite s = semidefinite(scene, M); s.holds)
       keep_semidefinite(sizes, M.cwiseAbs(), s.as_stated, units);
+  for (const FrictionCone& cone : scene.cones) keep_circle(cone, units);
   for (const Memory& memory : scene.memories)
     if (memory.state >= 0) units.x[std::size_t(memory.state)] = 0;  // the number of a mode
   if (scene.boundary) units.boundary = boundary_rows(*scene.boundary, units.x);

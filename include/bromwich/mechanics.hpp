@@ -13,7 +13,7 @@
 // symbol  variable             shape   meaning
 // M,C,K   Structure::M, C, K   d x d   mass (symmetric, positive definite), damping, stiffness
 // Hn      Contact::normal      d       row of the gap; opening is positive
-// Ht      Contact::tangent     1 x d   row of the sliding velocity; 2 x d in space, with facets
+// Ht      Contact::tangent     1 x d   row of the sliding velocity; 2 x d in space, on a circle or with facets
 //
 // As a linear complementarity system with x = (q, q', l of Jenkins elements), a contact has these rows:
 //
@@ -23,6 +23,8 @@
 //     given bound       b, c                     vt + c,  2 R - b                            lt = b - R
 //     Jenkins           (ln,) s+, s-             (gn + ln / kn,)  R + lt,  R - lt            lt' = -kt (vt - s+ + s-)
 //     facets            (ln,) l_1 ... l_k, c     (gn + ln / kn,)  d_i·vt + c,  R - Σ l_i     lt = Σ d_i l_i
+//     circle            ln, lt                   gn,  vt                                     Scene::cones
+//     its given bound   R, lt                    0,  vt
 
 #include "result.hpp"
 #include "scene.hpp"
@@ -56,13 +58,13 @@ struct Contact {
   double mu = 0;
   double restitution = 0;  ///< e in [0, 1]
   double kn = 0, kt = 0;   ///< 0: rigid
-  Index facets = 0;        ///< in space: directions d_i of friction, an even number
+  Index facets = 0;        ///< in space: directions d_i of friction, an even number; 0: a circle, |lt| <= R
 };
 
 /// Where a contact is in y and w, and its Jenkins force in x; -1: nowhere.
 struct ContactRows {
   Index normal = -1;    ///< of ln and the gap
-  Index friction = -1;  ///< first row of the friction
+  Index friction = -1;  ///< first row of the friction; on a circle with a given bound that of the bound
   Index state = -1;     ///< x[state] = -lt
 };
 

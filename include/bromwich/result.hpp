@@ -89,6 +89,12 @@ struct Certificate {
   bool impulses = false;          ///< the state jumps: y is known by its mean
 };
 
+struct Impact {
+  double t = 0;
+  Vector p;     ///< n: impulses
+  Vector jump;  ///< m: of the state, B p
+};
+
 /// y and x over time.
 struct Solution {
   Vector t;     ///< J+1 times
@@ -110,6 +116,8 @@ struct Solution {
   Vector start;                          ///< m, method shooting with a boundary condition: x(0)
   /// Methods that locate switches: polynomials between them, which the rows are values of; otherwise null.
   std::shared_ptr<const LocatedSolution> located;
+  /// Steps that are divided at impacts: these, in order of time; otherwise null.
+  std::shared_ptr<const std::vector<Impact>> impacts;
   bool continuous = true;            ///< y is linear between its rows; false: it may jump from step to step
   bool starts_with_impulse = false;  ///< x0 violates the constraints: the state jumps at t = 0, y_0 is an impulse
   /// Steps that were divided into parts, for states computed afterwards; null if none.

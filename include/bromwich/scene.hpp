@@ -39,6 +39,18 @@ struct Labels {
   std::vector<std::string> w;  ///< n
 };
 
+/// Coulomb's friction on a circle. The rows first, first + 1 and first + 2 of y and w have, in place of 0 <= y ⊥ w >=
+/// 0,
+///
+///     0 <= y_first ⊥ w_first >= 0,   |y_t| <= mu y_first,   y_t = -mu y_first w_t / |w_t| where w_t != 0
+///
+/// with y_t and w_t the other two: second-order cones (De Saxcé & Feng, Int. J. Engng. Sci. 29, 1991).
+struct FrictionCone {
+  Index first = 0;
+  double mu = 0;
+  bool given = false;  ///< w_first = 0 instead, which decides y_first: friction of a normal force that is known
+};
+
 /// How f(t) enters: as an m-vector, as B phi(t) with an n-vector phi, or as F phi(t) with a k-vector phi. What is
 /// stored and sampled is phi: a heat source that many cells share costs one number a time point.
 enum class SourceEntry { state, through_B, through_F };
@@ -65,6 +77,8 @@ struct Scene {
   /// with w_i'+ = -e_i w_i'-. For rigid contact: y acts on the second derivative of w_i. Methods events, shooting and
   /// march (given steps) take it. March locates the impacts of all scenes that state it, with e = 0 too.
   Vector restitution;
+  /// Rows with friction on a circle. Method march takes them, where they are contacts of a structure (mechanics.hpp).
+  std::vector<FrictionCone> cones;
   /// Elements with memory. Method events takes them, and for periodic states shooting.
   std::vector<Memory> memories;
   std::vector<Index> free_rows;  ///< rows i with w_i = 0 and y_i of either sign, increasing

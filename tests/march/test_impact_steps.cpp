@@ -226,6 +226,48 @@ TEST(ImpactSteps, ManyContacts) {
   EXPECT_LE((positions(r) - positions(stepped(more, 1600))).cwiseAbs().maxCoeff(), 1e-4);
 }
 
+// A velocity that jumps by a whole size at a row beside an impact is no error of that size.
+TEST(ImpactSteps, ToATolerance) {
+  for (const double e : {0.0, 0.5}) {
+    const Vector q = e == 0 ? Vector{{-0.2276458679, 0.0644897728}} : Vector{{-0.2024374329, 0.0637274032}};
+    const Scene scene = make_mechanism(block(1.3, 10), {belt(e)}).scene;
+    Index before = 0;
+    for (const double tolerance : {1e-2, 1e-3, 1e-4}) {
+      Options options = options_for(Method::march);
+      options.states = StateSelection::all;
+      options.tolerance = tolerance;
+      const Result r = run(scene, options);
+      ASSERT_EQ(r.status, Status::solved) << r.reason;
+      EXPECT_LE((positions(r) - q).cwiseAbs().maxCoeff(), tolerance);
+      EXPECT_LE(*r.error_estimate, tolerance);
+      EXPECT_GE(r.steps, before);
+      EXPECT_LE(r.steps, 16384);
+      before = r.steps;
+    }
+  }
+}
+
+// Without located events to measure errors by: by the differences of grids alone.
+TEST(ImpactSteps, ManyContactsToATolerance) {
+  const Scene many = chain(32, 0.5).scene;
+  Options options = options_for(Method::automatic);
+  options.states = StateSelection::all;
+  options.tolerance = 1e-3;
+  const Result r = run(many, options);
+  ASSERT_EQ(r.status, Status::solved) << r.reason;
+  EXPECT_EQ(r.method, Method::march);
+  EXPECT_LE((positions(r) - positions(stepped(many, 6400))).cwiseAbs().maxCoeff(), 1e-3);
+}
+
+// The certificate compares rows with located events, on the side of impacts that they are on.
+TEST(ImpactSteps, CertificatesKnowImpacts) {
+  const Result r = run(make_mechanism(block(1.3, 10), {belt(0.5)}).scene, marched(1000));
+  ASSERT_EQ(r.status, Status::solved) << r.reason;
+  ASSERT_TRUE(r.certificate);
+  EXPECT_LE(r.certificate->error_of_x, 5e-3);
+  EXPECT_TRUE(r.warning.empty()) << r.warning;
+}
+
 TEST(ImpactSteps, OtherRowsAreRefused) {
   Contact compliant = belt();
   compliant.kn = 100;
