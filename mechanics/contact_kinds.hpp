@@ -1,7 +1,7 @@
 #pragma once
 // Kinds of contacts, and where their rows are.
 
-#include "mechanics/mechanism.hpp"
+#include "bromwich/mechanics.hpp"
 
 #include <cmath>
 #include <numbers>
