@@ -107,6 +107,11 @@ void look_at_sources(const Scene& scene, Index J, SceneCheck& check) {
 /// Methods by the rules of core/solve/engines.cpp, with a refusal where none applies.
 std::vector<Method> methods_of(const Scene& given, const Scene& scene, const BackendTraits& traits,
                                const Options& options, Index J, std::string& refusal) {
+  if (!given.cones.empty()) {
+    if (options.method != Method::automatic && options.method != Method::march)
+      refusal = "friction on circles: method march takes it";
+    return {Method::march};
+  }
   if (const bool bounces = (given.restitution.array() > 0).any(); bounces || !given.memories.empty()) {
     const Method only = given.boundary ? Method::shooting : Method::events;
     const bool steps = bounces && !given.boundary && options.method == Method::march;

@@ -45,5 +45,6 @@ def chains(data):
     return table(head, lines) + [
         "",
         f"Chains of blocks on the ground, T = 4. Siconos {data['details']['siconos']}: Moreau-Jean, theta = 1/2, from Python; its run with the "
-        f"least error. {data['machine']['cpu']}, one thread, median of {data['repeats']} rounds in which all take turns; {origin(data)}.",
+        f"least error. {data['machine']['cpu']}, one thread, median of {data['repeats']} rounds in which all take turns"
+        f"{', a short run' if data['details']['quick'] else ''}; {origin(data)}.",
     ]

@@ -100,7 +100,8 @@ def load_friction(path: str | os.PathLike[str]) -> FrictionProblem:
         path: the file.
 
     Raises:
-        Error: another file, or a problem in the plane or with rolling friction. Needs h5py.
+        Error: another file, or a problem in the plane or with rolling friction. Needs h5py, and scipy for
+            global problems.
     """
     name = os.fspath(path)
     try:
@@ -108,6 +109,8 @@ def load_friction(path: str | os.PathLike[str]) -> FrictionProblem:
             return _problem(file, name)
     except Refused as refused:
         raise Error(f"path: {refused}", "path") from None
+    except KeyError as error:
+        raise Error(f"path: {name!r} is not whole ({error}); give a file of FCLib", "path") from None
 
 
 def _problem(file: Any, name: str) -> FrictionProblem:
@@ -125,24 +128,38 @@ def _problem(file: Any, name: str) -> FrictionProblem:
         W, q = _dense(group["W"], name), values("q")
     else:
         H = _dense(group["H"], name)
-        solved = np.linalg.solve(_dense(group["M"], name), np.column_stack([H, values("f")]))
+        solved = _solved(group["M"], np.column_stack([H, values("f")]), name)
         W, q = H.T @ solved[:, :-1], H.T @ solved[:, -1] + values("w")
     r = np.ravel(file["solution/r"][()]).astype(np.float64) if "solution/r" in file else None
     return FrictionProblem(W, q, values("mu"), r)
 
 
-def _dense(group: Any, name: str) -> np.ndarray:
-    """nz >= 0: triplets (i, p, x); -1: compressed columns with the begins p; -2: compressed rows."""
+def _entries(group: Any, name: str) -> tuple[tuple[int, int], np.ndarray, np.ndarray, np.ndarray]:
+    """Shape, rows, columns and values. nz >= 0: triplets (i, p, x); -1: compressed columns with the begins p; -2: rows."""
     rows, columns, count = (int(np.ravel(group[key][()])[0]) for key in ("m", "n", "nz"))
     i, p, x = (np.ravel(group[key][()]) for key in ("i", "p", "x"))
-    matrix = np.zeros((rows, columns))
     if count >= 0:
-        np.add.at(matrix, (i[:count], p[:count]), x[:count])
-        return matrix
+        return (rows, columns), i[:count], p[:count], x[:count]
     if count not in (-1, -2):
         raise Refused(f"{name!r} has a matrix of an unknown storage, nz = {count}", "write it by fclib")
-    of_rows = count == -2
-    begin = p[: (rows if of_rows else columns) + 1]
+    begin = p[: (rows if count == -2 else columns) + 1]
     along, across = np.repeat(np.arange(begin.size - 1), np.diff(begin)), i[: begin[-1]]
-    np.add.at(matrix, (along, across) if of_rows else (across, along), x[: begin[-1]])
+    return (rows, columns), *((along, across) if count == -2 else (across, along)), x[: begin[-1]]
+
+
+def _dense(group: Any, name: str) -> np.ndarray:
+    shape, rows, columns, values = _entries(group, name)
+    matrix = np.zeros(shape)
+    np.add.at(matrix, (rows, columns), values)
     return matrix
+
+
+def _solved(group: Any, right: np.ndarray, name: str) -> np.ndarray:
+    """By the sparse factors of the matrix, which may have thousands of rows."""
+    try:
+        from scipy.sparse import csc_matrix
+        from scipy.sparse.linalg import splu
+    except ImportError:
+        raise Refused(f"{name!r} is a global problem, which needs scipy", "pip install scipy") from None
+    shape, rows, columns, values = _entries(group, name)
+    return splu(csc_matrix((values, (rows, columns)), shape=shape)).solve(right)

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 h5py = pytest.importorskip("h5py")
+pytest.importorskip("scipy")
 
 
 def write_matrix(group, A, storage):
