@@ -67,10 +67,10 @@ class Problem {
     return F.cwiseQuotient(unit_);
   }
 
-  double residual(const Vector& z, const Vector& F) const {
-    const double sizes = std::max(z.cwiseQuotient(unit_).cwiseAbs().maxCoeff(),
-                                  rho_.cwiseProduct(q_).cwiseQuotient(unit_).cwiseAbs().maxCoeff());
-    return F.cwiseAbs().maxCoeff<Eigen::PropagateNaN>() / std::max(sizes, 1e-290);
+  // Beside q: beside z a force that grows without end would solve any problem.
+  double residual(const Vector& F) const {
+    const double size = rho_.cwiseProduct(q_).cwiseQuotient(unit_).cwiseAbs().maxCoeff();
+    return F.cwiseAbs().maxCoeff<Eigen::PropagateNaN>() / std::max(size, 1e-290);
   }
 
   bool sweep(Vector& z) const {
@@ -106,7 +106,7 @@ class Search {
  public:
   Search(const Matrix& W, const Vector& q, const Blocks& blocks) : p_(W, q, blocks), single_(blocks.size() == 1) {
     best_.z = Vector::Zero(q.size());
-    best_.residual = p_.residual(best_.z, p_.law(best_.z));
+    best_.residual = p_.residual(p_.law(best_.z));
   }
 
   BlockSolution run(double tolerance, Index most_sweeps) {
@@ -123,7 +123,7 @@ class Search {
     if (best_.residual > aimed_at) newton(best_.z);
     best_.sweeps = swept;
     const Vector inside = p_.project(best_.z);
-    if (const double residual = p_.residual(inside, p_.law(inside)); residual <= std::max(tolerance, best_.residual))
+    if (const double residual = p_.residual(p_.law(inside)); residual <= std::max(tolerance, best_.residual))
       best_.z = inside, best_.residual = residual;
     best_.solved = best_.residual <= tolerance;
     return std::move(best_);
@@ -131,7 +131,7 @@ class Search {
 
  private:
   void look(const Vector& z) {
-    const double residual = p_.residual(z, p_.law(z));
+    const double residual = p_.residual(p_.law(z));
     if (residual < best_.residual) best_.z = z, best_.residual = residual;
   }
 
@@ -231,7 +231,7 @@ BlockSolution solve_blocks(const Matrix& W, const Vector& q, const Blocks& block
 
 double residual_of_blocks(const Matrix& W, const Vector& q, const Blocks& blocks, const Vector& z) {
   const Problem p(W, q, blocks);
-  return p.residual(z, p.law(z));
+  return p.residual(p.law(z));
 }
 
 }  // namespace bromwich

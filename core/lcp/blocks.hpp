@@ -57,7 +57,7 @@ using Blocks = std::vector<std::unique_ptr<const Block>>;
 
 struct BlockSolution {
   Vector z;
-  double residual = 0;  ///< largest F over its unit, relative to the largest z and rho q
+  double residual = 0;  ///< largest F over its unit, relative to the largest rho q
   bool solved = false;  ///< residual <= tolerance
   Index newton = 0, sweeps = 0;
 };

@@ -36,7 +36,7 @@ constexpr double most_typical_error = 0.5;    ///< of the state, at one row of t
 // eigenvalue of A^{-1}, the exponential.
 Rule growth_rule(const DiscreteProblem& p, Method method, const Result& result) {
   if (by_euler(method, result)) return Rule::implicit_euler;
-  if (result.continuous || result.impacts) return Rule::exponential;
+  if (result.continuous) return Rule::exponential;
   return !p.small_state() || has_euler_step(p.small_state()->A, p.h) ? Rule::implicit_euler : Rule::exponential;
 }
 

@@ -239,11 +239,12 @@ Result changed(Result result, const NaturalUnits& units, int sign) {
   return result;
 }
 
-// Forces of a circle have one unit, and so have its two speeds.
+// Forces of a circle have one unit, and so have its two speeds. That of a given bound keeps w = y - R.
 void keep_circle(const FrictionCone& cone, NaturalUnits& units) {
   const auto y = units.y.begin() + cone.first, w = units.w.begin() + cone.first;
   std::fill_n(y, 3, *std::max_element(y, y + 3));
   std::fill_n(w + 1, 2, std::max(w[1], w[2]));
+  if (cone.given) *w = *y;
 }
 
 double boundary_residual_of(const BoundaryCondition& c, const RowMatrix& x) {
