@@ -92,8 +92,8 @@ std::unique_ptr<SceneArrays> make_scene_arrays(const Device&, const SceneArraysP
 /// Null for more than 32 states.
 std::unique_ptr<AffineChain> make_affine_chain(const Device&, const AffineChainSizes&);
 
-/// Shifted solves of sparse dynamics, by cuDSS where it is asked for (kernels/cudss.hpp), otherwise and where it fails
-/// by `host`. Waits for the results.
+/// Shifted solves of sparse dynamics: by cuDSS if the user asks for it (kernels/cudss.hpp). The backend `host` solves
+/// what is left, or all of it. Waits for the results.
 ComplexMatrix sparse_resolvent(const Device&, Backend& host, const Dynamics&, const ComplexVector& nodes);
 
 /// Of core/seam/shared_memory.hpp.

@@ -47,7 +47,6 @@ void compare(const Result& r, const std::vector<double>& breakpoints, const RowM
 
 // March over impacts has these to the square of the step: rows beside them on the side of the located solution.
 void take_sides_of(const EventSolution& located, Result& r, RowMatrix& states) {
-  if (!r.impacts || r.impacts->empty() || states.size() == 0) return;
   std::vector<Index> all(std::size_t(states.cols()));
   std::iota(all.begin(), all.end(), Index(0));
   const auto other = [&](Index j) {
@@ -56,23 +55,8 @@ void take_sides_of(const EventSolution& located, Result& r, RowMatrix& states) {
   take_sides(*r.impacts, r.t, all, other, states, r.y_integral);
 }
 
-}  // namespace
-
-std::optional<Certificate> certify(const Scene& scene, const Result& given, const std::vector<double>& breakpoints,
-                                   const RowMatrix& given_states) {
-  Result r = given;
-  RowMatrix states = given_states;
-  if (!unsuited_to_events(scene).empty() || scene.constraints() == 0) return std::nullopt;
-  if (r.steps < 1 || r.y.rows() != r.steps + 1 || !r.y.bottomRows(r.steps).allFinite()) return std::nullopt;
-  if (states.size() > 0 && (states.rows() != r.steps + 1 || states.cols() != scene.states())) return std::nullopt;
-  EventOptions options;
-  options.tolerance = reference_tolerance;
-  options.most_work = most_work * (1 + double(breakpoints.size()) / 1000);
-  const EventSolution located =
-      integrate_with_events(scene, selection_class(scene.M, scene.lcp_class), breakpoints, options);
-  if (!located.complete || !located.unique) return std::nullopt;
-  take_sides_of(located, r, states);
-
+Certificate beside(const EventSolution& located, const Scene& scene, const Result& r,
+                   const std::vector<double>& breakpoints, const RowMatrix& states) {
   const Matrix M = to_dense(scene.M);
   Matrix effect(scene.states() + scene.constraints(), scene.constraints());
   effect << scene.dynamics->small_state()->B, M;
@@ -84,6 +68,26 @@ std::optional<Certificate> certify(const Scene& scene, const Result& given, cons
   defect.summarise(c);
   distances.summarise(defect, c);
   return c;
+}
+
+}  // namespace
+
+std::optional<Certificate> certify(const Scene& scene, const Result& r, const std::vector<double>& breakpoints,
+                                   const RowMatrix& states) {
+  if (!unsuited_to_events(scene).empty() || scene.constraints() == 0) return std::nullopt;
+  if (r.steps < 1 || r.y.rows() != r.steps + 1 || !r.y.bottomRows(r.steps).allFinite()) return std::nullopt;
+  if (states.size() > 0 && (states.rows() != r.steps + 1 || states.cols() != scene.states())) return std::nullopt;
+  EventOptions options;
+  options.tolerance = reference_tolerance;
+  options.most_work = most_work * (1 + double(breakpoints.size()) / 1000);
+  const EventSolution located =
+      integrate_with_events(scene, selection_class(scene.M, scene.lcp_class), breakpoints, options);
+  if (!located.complete || !located.unique) return std::nullopt;
+  if (!r.impacts || r.impacts->empty() || states.size() == 0) return beside(located, scene, r, breakpoints, states);
+  Result moved = r;
+  RowMatrix rows = states;
+  take_sides_of(located, moved, rows);
+  return beside(located, scene, moved, breakpoints, rows);
 }
 
 }  // namespace bromwich
