@@ -10,7 +10,7 @@ from . import _core
 
 
 def matrices(model: _core.Model) -> dict[str, Any]:
-    """A, B, N, E, M and F; None where there is none: E and F that were not given, A of callbacks, A, B and N of a Kronecker sum."""
+    """A, B, N, E, M, F, E0 and ET; None where there is none: what was not given, A of callbacks, A, B and N of a Kronecker sum."""
     state = _core.state_of_model(model)
     kind, *parts = state["dynamics"]
     found: dict[str, Any] = dict.fromkeys("ABNE")
@@ -21,6 +21,7 @@ def matrices(model: _core.Model) -> dict[str, Any]:
     kind, *parts = state["M"]
     found["M"] = _tridiagonal(*parts) if kind == "set_M_tridiagonal" else parts[0]
     found["F"] = state["f_entry"][1]
+    found["E0"], found["ET"], _ = state.get("boundary", (None, None, None))
     return {name: _as_array(value) for name, value in found.items()}
 
 

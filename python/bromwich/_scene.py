@@ -18,8 +18,12 @@ from ._memory import Memory, memories, set_memories
 from ._mesh import Mesh
 from ._model import parameters_of, set_conditions, set_dynamics, set_f_entry, set_lcp
 from ._pickled_scene import fingerprint, made_again, restored
-from ._sources import on_this_host, source, steps_of
+from ._sources import on_this_host, source, steps_of, values_at
 from ._words import suggestion
+
+
+def _matrix(name: str, text: str) -> property:
+    return property(lambda scene: matrices(scene._model)[name], doc=text)
 
 
 class Scene:
@@ -282,36 +286,34 @@ class Scene:
         """m values; none where the scene has boundary values."""
         return np.array(self._model.x0())
 
-    @property
-    def A(self) -> Any:
-        """m x m, a copy: NumPy, or SciPy's CSC where it is stored sparse. None for callbacks and Kronecker sums, whose A is
-        not formed."""
-        return matrices(self._model)["A"]
+    A = _matrix("A", "m x m, a copy: NumPy, or SciPy's CSC where it is stored sparse. None for callbacks and Kronecker sums.")
+    B = _matrix("B", "m x n, as :attr:`A`; of callbacks too.")
+    N = _matrix("N", "n x m, as :attr:`B`.")
+    M = _matrix("M", "n x n, a copy: NumPy, or SciPy's CSC where it is stored sparse.")
+    E = _matrix("E", "m x m, as :attr:`A`; None: the identity, or a mass by callbacks.")
+    F = _matrix("F", "m x k, SciPy's CSC; None where f enters without a matrix, or by B.")
+    E0 = _matrix("E0", "m x m; None where the scene has x0.")
+    ET = _matrix("ET", "m x m, as :attr:`E0`.")
 
     @property
-    def B(self) -> Any:
-        """m x n, as :attr:`A`; of callbacks too."""
-        return matrices(self._model)["B"]
+    def b(self) -> np.ndarray | None:
+        """m values, as :attr:`E0`."""
+        state = _core.state_of_model(self._model)
+        return np.array(state["boundary"][2]) if "boundary" in state else None
+
+    def f(self, t: Any) -> np.ndarray:
+        """The source at k times: k x m, or as many columns as F has; its values alone where t is a number. Zeros where there is none."""
+        return values_at(self._model.f_at, t)
+
+    def g(self, t: Any) -> np.ndarray:
+        """The source of the constraints at k times: k x n, as :meth:`f`."""
+        return values_at(self._model.g_at, t)
 
     @property
-    def N(self) -> Any:
-        """n x m, as :attr:`B`."""
-        return matrices(self._model)["N"]
-
-    @property
-    def M(self) -> Any:
-        """n x n, a copy: NumPy, or SciPy's CSC where it is stored sparse."""
-        return matrices(self._model)["M"]
-
-    @property
-    def E(self) -> Any:
-        """m x m, as :attr:`A`; None: the identity, or a mass by callbacks."""
-        return matrices(self._model)["E"]
-
-    @property
-    def F(self) -> Any:
-        """m x k, SciPy's CSC; None where f enters without a matrix, or by B."""
-        return matrices(self._model)["F"]
+    def restitution(self) -> np.ndarray | None:
+        """n coefficients; None where none were given."""
+        given = np.array(self._model.restitution)
+        return given if given.size else None
 
     @property
     def breakpoints(self) -> list[float]:

@@ -157,3 +157,12 @@ def restored(state: tuple | None) -> _core.Source | None:
         return None
     word, *arguments = state
     return getattr(_core.Source, word)(*arguments)
+
+
+def values_at(values: Callable[[np.ndarray], np.ndarray], t: Any) -> np.ndarray:
+    """Of a source at one time or several: a row for each."""
+    times = np.asarray(t, dtype=float)
+    if times.ndim > 1 or not np.isfinite(times).all():
+        raise Error(f"t: has {times.ndim} dimensions or values that are not finite; give a number or a list of times", "t")
+    found = values(np.atleast_1d(times))
+    return found if times.ndim else found[0]

@@ -10,6 +10,7 @@
 #include "module.hpp"
 #include "sources.hpp"
 
+#include <nanobind/eigen/dense.h>
 #include <nanobind/stl/complex.h>
 #include <nanobind/stl/map.h>
 #include <nanobind/stl/optional.h>
@@ -261,6 +262,17 @@ void bind_data(Bound& model) {
           nb::arg("word"));
 }
 
+/// A row for each of the times `t`; zeros where the source is empty.
+RowMatrix values_at(const TimeFunction& source, const Array1& t, Index width) {
+  RowMatrix values = RowMatrix::Zero(Index(t.shape(0)), width);
+  Vector value(width);
+  for (Index i = 0; source && i < values.rows(); ++i) {
+    source(t.data()[i], value);
+    values.row(i) = value;
+  }
+  return values;
+}
+
 void bind_facts(Bound& model) {
   model.def("validate", [](const Model& s) { s.scene.validate(); })
       .def_prop_rw(
@@ -290,6 +302,12 @@ void bind_facts(Bound& model) {
       .def_prop_ro("form", [](const Model& s) { return form(s.scene); })
       .def_prop_ro("has_boundary", [](const Model& s) { return s.scene.boundary.has_value(); })
       .def("x0", [](const Model& s) { return std::vector<double>(s.scene.x0.begin(), s.scene.x0.end()); })
+      .def(
+          "f_at", [](const Model& s, const Array1& t) { return values_at(s.scene.f, t, s.scene.sources()); },
+          nb::arg("t"))
+      .def(
+          "g_at", [](const Model& s, const Array1& t) { return values_at(s.scene.g, t, s.scene.constraints()); },
+          nb::arg("t"))
       .def(
           "exact", [](const Model& s, double t) { return exact(s.scene, t); }, nb::arg("t"));
 }

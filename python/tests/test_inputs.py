@@ -155,6 +155,13 @@ def test_matrices_of_a_scene():
     np.testing.assert_array_equal(sparse.M, np.eye(2))
     three = bromwich.Scene(A=-np.eye(20), B=np.eye(20), N=np.eye(20), M=bromwich.Tridiagonal(-1, np.full(20, 4.0), -2), x0=0, T=1)
     np.testing.assert_array_equal(three.M, 4 * np.eye(20) - np.eye(20, k=-1) - 2 * np.eye(20, k=1))
+    assert scene.E0 is None and scene.b is None and scene.restitution is None
+    ends = bromwich.Scene(A=-1, B=1, N=1, M=1, E0=1, ET=-1, b=0.5, f="2*t", g=[-1], restitution=0.25, T=1)
+    assert (ends.E0, ends.ET, ends.b, ends.restitution) == (1, -1, 0.5, 0.25)
+    np.testing.assert_array_equal(ends.f([0, 0.5, 1]), [[0], [1], [2]])
+    assert ends.f(0.25) == [0.5] and ends.g(1) == [-1] and (scene.g([0, 1]) == 0).all()
+    with pytest.raises(bromwich.Error, match="t: "):
+        ends.f(np.nan)
     assert bromwich.scene("signorini", Q=9).A is None
     toy = bromwich.scene("dlcp-small")
     assert toy.A.shape == (3, 3) and toy.M.shape == (4, 4)
