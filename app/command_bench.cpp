@@ -53,6 +53,8 @@ constexpr auto benchmarks = std::to_array<Benchmark>({
     {"signorini3d", "contact on a face: cycles, marching and implicit Euler, times and work", bench_signorini3d, true},
     {"solver", "a prepared scene solved again with another x0, compared with whole solves", bench_solver},
     {"sparse", "heat on a square with 1e5 states and ten contacts", bench_sparse},
+    {"sparse-shifts", "shifted solves of sparse dynamics, on one core, all cores and a device with cuDSS",
+     bench_sparse_shifts},
     {"streams", "scenes with matrices of their own on one device, several at a time", bench_streams},
     {"stability", "hard cases with known solutions: error, estimate and status, compared with implicit Euler",
      bench_stability},

@@ -76,6 +76,8 @@ BenchReport bench_signorini3d(const BenchRequest& request, Backend& backend);
 /// Throws Error for a SCENE: it has its own.
 BenchReport bench_solver(const BenchRequest& request, Backend& backend);
 BenchReport bench_sparse(const BenchRequest& request, Backend& backend);
+/// Throws Error for a SCENE: it has its own. Also on a CUDA device if there is one.
+BenchReport bench_sparse_shifts(const BenchRequest& request, Backend& backend);
 /// SCENE is a group of its cases; without one, all.
 BenchReport bench_stability(const BenchRequest& request, Backend& backend);
 /// SCENE is a scene, a scene file or a folder of them; without one, all built-in scenes and the examples.

@@ -158,6 +158,14 @@ TEST_F(Bench, SparseSolvesAllItsRows) {
   EXPECT_LT(json["rows"][0]["difference_max"], 0.1);
 }
 
+TEST_F(Bench, SparseShiftsAgree) {
+  const Json json = study("sparse-shifts");
+  ASSERT_EQ(json["rows"].size(), 1u);
+  EXPECT_EQ(json["rows"][0]["states"], 400);
+  // Elimination of diagonally dominant matrices, by one thread and by all: rounding of 400 unknowns.
+  EXPECT_LT(json["rows"][0]["apart"], 1e-12);
+}
+
 TEST_F(Bench, LiteralReachesTheErrorOfMarching) {
   const Json json = study("literal");
   ASSERT_EQ(json["rows"].size(), 4u);
