@@ -20,55 +20,6 @@ JetValues back(const Jet& c, const Vector& v) {
 
 }  // namespace
 
-// Where y is not unique, the change of x must not depend on the one that is taken. Where M_SS is singular, a change of
-// M has to leave its kernels.
-void SwitchedTape::check_ambiguities(const ChangeInModes& change_in) const {
-  const auto moves = [](const Matrix& change, const Matrix& by) {
-    if (change.size() == 0 || by.cols() == 0) return false;
-    return ((change * by).cwiseAbs() - 1e-9 * change.cwiseAbs() * by.cwiseAbs()).maxCoeff() > 0;
-  };
-  for (const auto& [together, a] : ambiguities_)
-    if (const DataChange& c = change_in(together.first->modes);
-        moves(c.B, a.right) || moves(c.M, a.right) || moves(c.M.transpose(), a.left) || moves(c.N.transpose(), a.left))
-      throw Error("derivative",
-                  "not differentiable here: y is not unique, and the change makes x depend on which y it is",
-                  "change equal constraints alike, or leave out one of them");
-  for (const auto& [rows, kernel] : singular_) {
-    const auto& [regime, S] = rows;
-    const DataChange& c = change_in(regime->modes);
-    if (c.M.size() == 0) continue;
-    Matrix change = Matrix::Zero(n_, n_);
-    change(S, S) = c.M(S, S);
-    if (moves(change, kernel.right) || moves(change.transpose(), kernel.left))
-      throw Error("M", without_M_, "ask for derivatives with respect to other data");
-  }
-}
-
-// Constraints on the state that are derivatives of w (a rigid contact) need N B = 0 there; changes have to keep it.
-void SwitchedTape::check_structure(const ChangeInModes& change_in) const {
-  check_ambiguities(change_in);
-  for (const auto& [of, mode] : modes_) {
-    const DataChange& c = change_in(mode.regime->modes);
-    const std::vector<Index>& active = mode.rows.active;
-    const Jet& rows = mode.rows.constraints;
-    if (rows.x.rows() == 0 || !(rows.f.array() != 0).any()) continue;
-    Matrix change = Matrix::Zero(rows.x.rows(), Index(active.size())), terms = change;
-    if (c.B.size() > 0) {
-      const Matrix dB = c.B(Eigen::all, active);
-      change += rows.f * dB;
-      terms += rows.f.cwiseAbs() * dB.cwiseAbs();
-    }
-    if (c.N.size() > 0) {
-      const Matrix dg = rows.dg * c.N, B = mode.system().B(Eigen::all, active);
-      change += dg * B;
-      terms += rows.dg.cwiseAbs() * c.N.cwiseAbs() * B.cwiseAbs();
-    }
-    if (((change.cwiseAbs() - 1e-9 * terms).array() > 0).any())
-      throw Error("derivative", "not differentiable here: the change makes N B nonzero, where y is a contact force",
-                  "change B and N together so that N B stays 0");
-  }
-}
-
 // f~ and g~ as polynomials on the piece.
 SwitchedTape::Sources SwitchedTape::changed(const Part& part, const DataChange& c) const {
   const Piece& p = piece_of(part);

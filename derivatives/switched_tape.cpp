@@ -2,12 +2,10 @@
 
 #include "core/base/text.hpp"
 
-#include <Eigen/LU>
 #include <Eigen/QR>
 
 #include <algorithm>
 #include <cmath>
-#include <iterator>
 
 namespace bromwich {
 
@@ -384,91 +382,6 @@ void SwitchedTape::measure_run(const std::vector<Sample>& run, bool to_end) {
       if (least < margin_.margin && !is_alike_beyond(*pieces_[std::size_t(run[k].piece)].mode, i))
         margin_.margin = least, margin_.time = run[k].t, margin_.constraint = i;
     }
-  }
-}
-
-namespace {
-
-// Vectors v (n x k, zero outside S) with first v_S = 0 and second v_S = 0.
-Matrix common_kernel(const Matrix& first, const Matrix& second, const std::vector<Index>& S, Index n) {
-  constexpr double zero = 1e-12;
-  const auto scaled = [](const Matrix& a) -> Matrix {
-    const double size = a.size() > 0 ? a.cwiseAbs().maxCoeff() : 0;
-    return size > 0 ? Matrix(a / size) : a;
-  };
-  Matrix both(first.rows() + second.rows(), first.cols());
-  both << scaled(first), scaled(second);
-  Eigen::FullPivLU<Matrix> lu(both);
-  lu.setThreshold(zero);
-  Matrix all = Matrix::Zero(n, lu.dimensionOfKernel());
-  if (all.cols() > 0) all(S, Eigen::all) = lu.kernel();
-  return all;
-}
-
-}  // namespace
-
-// v with M_SS v = 0 and B_S v = 0, u with u^T M_SS = 0 and u^T N_S = 0.
-void SwitchedTape::find_ambiguity(const Rows& of) {
-  const auto& [regime, together] = of;
-  if (together.empty() || ambiguities_.contains(of)) return;
-  const SystemMatrices& s = regime->system;
-  const Matrix M = s.M(together, together);
-  ambiguities_[of] = {common_kernel(M, s.B(Eigen::all, together), together, n_),
-                      common_kernel(M.transpose(), s.N(together, Eigen::all).transpose(), together, n_)};
-}
-
-// The kernels of M_SS. A change of M that does not keep them turns constraints on the state, or a jump of y, into fast
-// motions, which are stable on one side only.
-void SwitchedTape::find_singular(const Rows& of) {
-  const std::vector<Index>& S = of.second;
-  if (S.empty() || singular_.contains(of)) return;
-  const Matrix M = of.first->system.M(S, S), none(0, Index(S.size()));
-  singular_[of] = {common_kernel(M, none, S, n_), common_kernel(M.transpose(), none, S, n_)};
-}
-
-// The sets that a jump of y may pass through.
-void SwitchedTape::find_singular_between(const Rows& before, const std::vector<Index>& to, Index component) {
-  const auto& [regime, from] = before;
-  constexpr std::size_t most_looked_at = 8;
-  std::vector<Index> both, either, changing;
-  std::set_intersection(from.begin(), from.end(), to.begin(), to.end(), std::back_inserter(both));
-  std::set_union(from.begin(), from.end(), to.begin(), to.end(), std::back_inserter(either));
-  if (const auto at = std::lower_bound(either.begin(), either.end(), component); at == either.end() || *at != component)
-    either.insert(at, component);
-  std::erase(both, component);
-  std::set_difference(either.begin(), either.end(), both.begin(), both.end(), std::back_inserter(changing));
-  if (changing.size() > most_looked_at) {  // no change at all
-    singular_[{regime, either}] = {Matrix::Identity(n_, n_)(Eigen::all, either),
-                                   Matrix::Identity(n_, n_)(Eigen::all, either)};
-    return;
-  }
-  for (std::size_t chosen = 0; chosen < std::size_t(1) << changing.size(); ++chosen) {
-    std::vector<Index> S = both;
-    for (std::size_t i = 0; i < changing.size(); ++i)
-      if (chosen >> i & 1) S.push_back(changing[i]);
-    std::sort(S.begin(), S.end());
-    find_singular({regime, S});
-  }
-}
-
-void SwitchedTape::judge_M() {
-  for (const auto& [active, mode] : modes_) {
-    find_ambiguity(active);
-    if (mode.rows.constraints.x.rows() == 0) continue;
-    find_singular(active);
-    if (without_M_.empty())
-      without_M_ = "M_SS is singular on an active set, and a change of M can act from one side only";
-  }
-  for (std::size_t k = 1; k < parts_.size(); ++k) {
-    if (parts_[k].change < 0) continue;
-    const Switch& s = switches_[std::size_t(parts_[k].change)];
-    if (!s.moves || n_ == 0) continue;
-    if (((s.y_after - s.y_before).cwiseAbs() - 1e-6 * pieces_.back().most_y).maxCoeff() <= 0) continue;
-    const Mode &before = *piece_of(parts_[k - 1]).mode, &after = *piece_of(parts_[k]).mode;
-    if (before.regime != after.regime) continue;  // M of each regime says what y is
-    find_singular_between({before.regime, before.rows.active}, after.rows.active, s.component);
-    if (without_M_.empty())
-      without_M_ = text("y jumps at the switch at t = %.6g, and a change of M removes the jump", s.t);
   }
 }
 
