@@ -182,9 +182,9 @@ def solve(
             read on the host. Results are not looked at again with half the step.
         device: number of the CUDA device; None: the first one.
         tol: switches are located, so that values and derivatives are those of the solution, to this tolerance (derivatives to
-            about 1e-9), and not of its steps; at most 128 states and 96 constraints. None: of the steps.
+            about 1e-9), and not of its steps; at most 96 states and 72 constraints. None: of the steps.
         refine: steps between two time points. Derivatives of few steps may be far off where the values are not; how far
-            says the difference to those with ``refine=2``.
+            says :func:`gradient_and_error`.
         failed: what a scene without a solution does. ``"raise"``: it raises an error. ``"nan"``, ``"zero"``: its y, x and w
             are NaN, derivatives of it, and those of scenes that are not differentiable, are NaN or 0, and a fourth tensor
             is returned: 0 where the scene is solved, otherwise an index of ``bromwich.torch.STATUSES``.
@@ -213,4 +213,20 @@ def solve(
     return found[:3] if failed == "raise" else found[:4]
 
 
-__all__ = ["LCP_STATUSES", "STATUSES", "lcp", "solve"]
+def gradient_and_error(loss: Any, *tensors: torch.Tensor) -> tuple[tuple[torch.Tensor, ...], tuple[torch.Tensor, ...]]:
+    """The gradient of ``loss(*tensors, refine=2)`` by each tensor, and an estimate of the error of each entry: twice its
+    distance from ``refine=1``, which bounds errors that at least halve with the step.
+
+    Args:
+        loss: takes ``refine``, for :func:`solve`, beside the tensors, which require gradients.
+
+    Example:
+        >>> def loss(M, refine):
+        ...     return (solve(A=A, B=B, N=N, M=M, x0=x0, T=1.0, steps=400, refine=refine)[0] ** 2).sum()
+        >>> (gradient,), (error,) = gradient_and_error(loss, M)
+    """
+    coarse, fine = (torch.autograd.grad(loss(*tensors, refine=steps), tensors) for steps in (1, 2))
+    return fine, tuple(2 * (a - b).abs() for a, b in zip(fine, coarse))
+
+
+__all__ = ["LCP_STATUSES", "STATUSES", "gradient_and_error", "lcp", "solve"]

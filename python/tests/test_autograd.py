@@ -185,6 +185,40 @@ def test_refined_and_located_values(data):
             how(**{**dict(T=1.0, steps=10, method="march", threads=0, tol=None, refine=1, failed="raise"), **change})
 
 
+@pytest.mark.parametrize("library", ["jax", "torch"])
+def test_errors_of_gradients(data, library):
+    """Of few steps, beside the gradient with located switches; both of the mean of x over the second half, by x0."""
+    pytest.importorskip(library)
+    rest = {name: v for name, v in data.items() if name != "x0"}
+    if library == "jax":
+        import jax
+        import jax.numpy as own
+
+        jax.config.update("jax_enable_x64", True)
+        from bromwich.jax import gradient_and_error, solve
+
+        start = own.asarray(data["x0"])
+    else:
+        import torch as own
+        from bromwich.torch import gradient_and_error, solve
+
+        rest = {name: own.tensor(v, dtype=own.float64) for name, v in rest.items()}
+        start = own.tensor(data["x0"], dtype=own.float64, requires_grad=True)
+
+    def loss(x0, refine=1, **how):
+        return solve(**rest, x0=x0, T=T, steps=STEPS, refine=refine, **how)[1][STEPS // 2 :].mean()
+
+    gradient, error = gradient_and_error(loss, start)
+    if library == "jax":
+        exact = jax.grad(lambda x0: loss(x0, tol=1e-8))(start)
+    else:
+        gradient, error = gradient[0], error[0]
+        exact = own.autograd.grad(loss(start, tol=1e-8), start)[0]
+    off = np.abs(np.asarray(gradient) - np.asarray(exact))
+    assert (off <= np.asarray(error) + 1e-8).all(), (off, error)
+    assert np.asarray(error).max() > 0
+
+
 def test_torch(data):
     torch = pytest.importorskip("torch")
     from bromwich.torch import solve
