@@ -8,6 +8,7 @@
 #include "core/galerkin/recovery.hpp"
 #include "core/galerkin/rules.hpp"
 #include "core/galerkin/solvers.hpp"
+#include "core/march/outcome.hpp"
 #include "core/result/notice.hpp"
 
 #include <cmath>
@@ -133,6 +134,15 @@ void fill(const Scene& scene, const GalerkinProblem& p, const RowMatrix& z, cons
   }
 }
 
+// N x0 + g(0), and 0 in free rows, whose w has to be 0 behind t = 0 only.
+Vector w_at_start(const Scene& scene) {
+  Vector w = observe(scene.dynamics, scene.x0), g = Vector::Zero(w.size());
+  if (scene.g) scene.g(0, g);
+  w += g;
+  w(scene.free_rows).setZero();
+  return w;
+}
+
 void nothing_found(const Scene& scene, Index N, Result& result) {
   const Index n = scene.constraints();
   result.y = RowMatrix::Constant(N + 1, n, NAN);
@@ -220,6 +230,7 @@ void solve_on_grid(const Scene& scene, Backend& backend, const InnerOptions& opt
   result.rough_steps = p.divided;
   nothing_found(scene, p.N, result);
   if (!finite_galerkin_sources(p, result)) return;
+  if (p.initial_value && starts_below(scene, w_at_start(scene), result)) return;
   const double condition = require_determined_states(p);
   if (condition < delicate_boundary) tell(result, {NoticeCode::boundary, condition});
   const FreeElimination elimination(p, scene.free_rows);

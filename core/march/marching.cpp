@@ -72,9 +72,9 @@ class PreparedMarch final : public PreparedMethod {
     const MarchReport report = march_->run(*y_, *v_);
     p_.backend.download(*y_, result.y);
     if (report.stopped >= 0) result.y.bottomRows(p_.J + 1 - report.stopped).setConstant(NAN);
-    if (start == Start::impulse) result.y.row(0) = result.y.row(1);
     count(report, result);
     if (options.trace) result.trace = trace(p_, *r_, *v_);
+    if (start == Start::impulse) begin_behind_the_impulse(options.trace, result);
     result.well_posed = report.well_posed;
     if (report.stopped >= 0) return explain_stop(p_, report, result);
     result.residual = residual(start);
@@ -87,6 +87,11 @@ class PreparedMarch final : public PreparedMethod {
     if (start != Start::found || !op_.keeps_prepared()) return march_residual(p_, start, *r_, *v_, *y_);
     if (!lcp_) lcp_ = p_.backend.lcp(p_.scene.M, p_.lcp_class, p_.J + 1);
     return lcp_->residual(*r_, *v_, *y_);
+  }
+  // y and w of row 0 are those of row 1.
+  void begin_behind_the_impulse(bool traced, Result& result) const {
+    result.y.row(0) = result.y.row(1);
+    if (traced) result.trace.row(0) = result.trace.row(1) + (p_.g.row(1) - p_.g.row(0)).transpose();
   }
   void upload_sources() {
     upload(p_.backend, data_.r, *r_);

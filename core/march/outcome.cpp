@@ -24,20 +24,25 @@ SparseMatrix sparse_form(const LcpMatrix& M) {
 
 Vector row_sums(const SparseMatrix& matrix) { return matrix.cwiseAbs() * Vector::Ones(matrix.cols()); }
 
-// A constraint with w_i(0) < 0 that no impulse of y moves, since its rows of M and of N B are zero: a body below a
-// rigid floor, whose impulses move the velocity alone. -1: none, or not known.
-Index held_below(const DiscreteProblem& p) {
-  const Vector& start = p.start;
-  if (p.scene.dynamics->has_mass() || !(start.array() < 0).any()) return -1;
-  const SparseMatrix N = p.scene.dynamics->outputs(), B = p.scene.dynamics->inputs();
-  const Vector of_M = row_sums(sparse_form(p.scene.M)), of_NB = row_sums(N * B), terms = N.cwiseAbs() * row_sums(B);
-  const double share = 4 * double(p.scene.states() + 1) * epsilon;
-  for (Index i = 0; i < start.size(); ++i)
-    if (start[i] < 0 && of_M[i] == 0 && of_NB[i] <= share * terms[i]) return i;
-  return -1;
-}
-
 }  // namespace
+
+bool starts_below(const Scene& scene, const Vector& start, Result& result) {
+  if (scene.dynamics->has_mass() || !(start.array() < 0).any()) return false;
+  const SparseMatrix N = scene.dynamics->outputs(), B = scene.dynamics->inputs();
+  const Vector of_M = row_sums(sparse_form(scene.M)), of_NB = row_sums(N * B), terms = N.cwiseAbs() * row_sums(B);
+  const double share = 4 * double(scene.states() + 1) * epsilon;
+  for (Index i = 0; i < start.size(); ++i) {
+    if (!(start[i] < 0 && of_M[i] == 0 && of_NB[i] <= share * terms[i])) continue;
+    result.status = Status::infeasible;
+    result.reason = text(
+        "no solution at t = 0: w_%td < 0, and no impulse of y moves it, since its rows of M and of N B "
+        "are zero",
+        i);
+    result.infeasible_at = 0;
+    return true;
+  }
+  return false;
+}
 
 Start solve_at_zero(const DiscreteProblem& p, Result& result) {
   result.y = RowMatrix::Constant(p.J + 1, p.scene.constraints(), NAN);
@@ -76,16 +81,7 @@ Start ProblemAtZero::solve(Result& result, Vector& y0) const {
     return Start::found;
   }
   const bool impulses = report.finite && may_have_impulse(p_);
-  if (const Index i = impulses ? held_below(p_) : -1; i >= 0) {
-    result.status = Status::infeasible;
-    result.reason = text(
-        "no solution at t = 0: w_%td < 0, and no impulse of y moves it, since its rows of M and of N B "
-        "are zero",
-        i);
-    result.infeasible_at = 0;
-    return Start::none;
-  }
-  if (impulses) return Start::impulse;
+  if (impulses) return starts_below(p_.scene, p_.start, result) ? Start::none : Start::impulse;
   const bool infeasible = report.infeasible == 0 || (report.finite && is_infeasible_at_zero(p_));
   result.status = infeasible ? Status::infeasible : Status::tolerance_not_met;
   result.reason = infeasible ? "no solution at t = 0" : "the problem at t = 0 stayed unsolved";

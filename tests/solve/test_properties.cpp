@@ -286,7 +286,7 @@ TEST(Status, InfeasibleWhereNoImpulseMovesTheState) {
   scene.dynamics = DenseDynamics{Matrix{{0, 1}, {-4, 0}}, Matrix{{0}, {1}}, Matrix{{1, 0}}};
   scene.M = Matrix{{0}};
   scene.T = 1;
-  for (const Method method : {Method::automatic, Method::march, Method::euler}) {
+  for (const Method method : {Method::automatic, Method::march, Method::euler, Method::events, Method::galerkin}) {
     scene.x0 = Vector{{-1, 0}};
     const Result below = run(scene, options_for(method, J));
     EXPECT_EQ(below.status, Status::infeasible) << to_string(method) << ": " << below.reason;
@@ -294,6 +294,25 @@ TEST(Status, InfeasibleWhereNoImpulseMovesTheState) {
     scene.x0 = Vector{{0, -1}};
     const Result on_the_floor = run(scene, options_for(method, J));
     EXPECT_EQ(on_the_floor.status, Status::solved) << to_string(method) << ": " << on_the_floor.reason;
+  }
+}
+
+// x' = -x + y, 0 <= y ⊥ x >= 0 from x0 = -0.5: an impulse takes x to 0, where it stays. Row 0 of x is x0, and of y and w
+// what is behind the impulse.
+TEST(Status, BeginsBehindAnImpulse) {
+  Scene scene;
+  scene.dynamics = DenseDynamics{Matrix{{-1}}, Matrix{{1}}, Matrix{{1}}};
+  scene.M = Matrix{{0}};
+  scene.g = [](double t, Eigen::Ref<Vector> g) { g[0] = t; };
+  scene.x0 = Vector::Constant(1, -0.5);
+  scene.T = 1;
+  for (const Method method : {Method::automatic, Method::march, Method::euler, Method::events}) {
+    const Result r = run(scene, options_for(method, J));
+    ASSERT_EQ(r.status, Status::solved) << to_string(method) << ": " << r.reason;
+    EXPECT_EQ(r.x(0, 0), -0.5) << to_string(method);
+    const RowMatrix w = slack(scene, r);
+    EXPECT_GE(w.minCoeff(), -1e-12) << to_string(method);
+    EXPECT_LE(r.y.cwiseProduct(w).maxCoeff(), 1e-9) << to_string(method);
   }
 }
 
