@@ -6,6 +6,7 @@
 #include "app/text.hpp"
 #include "bench/studies/study.hpp"
 #include "core/base/error.hpp"
+#include "core/solve/solver.hpp"
 #include "files/scene_file.hpp"
 
 #include <fmt/format.h>
@@ -57,9 +58,9 @@ double largest_error(const Eigen::Ref<const Vector>& found, const Eigen::Ref<con
 void compare_with_exact(Outcome& o) {
   const Scene& scene = o.file.scene;
   const Result& r = o.result;
-  const Index J = r.y.rows() - 1;
   Vector x(scene.states()), y(scene.constraints());
-  for (Index j = (J + 15) / 16; j <= J; ++j) {
+  for (Index j = 0; j < r.t.size(); ++j) {
+    if (r.t[j] < scene.T / 16) continue;
     if (r.infeasible_at && r.t[j] >= *r.infeasible_at) return;
     scene.exact(r.t[j], x, y);
     o.error_x = std::fmax(o.error_x, largest_error(r.x.row(j).transpose(), x));
@@ -67,26 +68,26 @@ void compare_with_exact(Outcome& o) {
   }
 }
 
-/// Error relative to the given values at one time, at the nearest grid point.
-void compare_with_values(Outcome& o) {
+/// Error relative to the given values at one time.
+void compare_with_values(Backend& backend, Outcome& o) {
   const Reference& known = *o.file.reference;
-  const Index J = o.result.y.rows() - 1, row = Index(std::lround(*known.t / o.file.scene.T * double(J)));
+  const Result there = at_times(o.file.scene, backend, o.result, {*known.t});
   const auto vector = [](const std::vector<double>& v) { return Eigen::Map<const Vector>(v.data(), Index(v.size())); };
-  o.error_x = std::fmax(o.error_x, largest_error(o.result.x.row(row).transpose(), vector(known.x)));
-  o.error_y = std::fmax(o.error_y, largest_error(o.result.y.row(row).transpose(), vector(known.y)));
+  o.error_x = std::fmax(o.error_x, largest_error(there.x.row(0).transpose(), vector(known.x)));
+  o.error_y = std::fmax(o.error_y, largest_error(there.y.row(0).transpose(), vector(known.y)));
 }
 
 Outcome run_scene(const std::filesystem::path& path, const BenchRequest& request, Backend& backend) {
   Outcome o{.name = path.stem(), .file = read_scene_file(path, request.settings), .result = {}, .samples = {}};
   const Scene& scene = o.file.scene;
   Options options;
-  options.steps = request.steps > 0 ? request.steps : scene.steps();
+  options.steps = request.steps;  // 0: the steps or the tolerance of the file
   options.states = StateSelection::all;
-  check_memory(scene, options.steps, scene.states());
+  check_memory(scene, request.steps > 0 ? request.steps : scene.steps(), scene.states());
   o.result = solve(scene, backend, options);
   const bool complete = o.result.x.rows() == o.result.y.rows() && o.result.y.rows() > 1;
   if (complete && scene.exact) compare_with_exact(o);
-  if (complete && o.file.reference && o.file.reference->t) compare_with_values(o);
+  if (complete && o.file.reference && o.file.reference->t) compare_with_values(backend, o);
   for (RowMatrix* array : {&o.result.y, &o.result.x}) array->resize(0, 0);
   options.states = StateSelection::none;
   for (int i = 0; i < request.repeats(); ++i) {
