@@ -88,8 +88,12 @@ std::vector<std::string> line(const Json& row) {
     if (!row.contains(key)) return std::string("-");
     return format_seconds(row[key].is_number() ? row[key].get<double>() : row[key]["median"].get<double>());
   };
-  return {fmt::format("{}", row["states"].get<Index>()), fmt::format("{}", row["contacts"].get<Index>()),
-          seconds("one core"), seconds("host"), seconds("device first"), seconds("device again")};
+  return {fmt::format("{}", row["states"].get<Index>()),
+          fmt::format("{}", row["contacts"].get<Index>()),
+          seconds("one core"),
+          seconds("host"),
+          seconds("device first"),
+          seconds("device again")};
 }
 
 }  // namespace

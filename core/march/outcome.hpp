@@ -16,8 +16,9 @@ enum class Start {
 /// Sizes result.y, fills it with NaN, and sets row 0 to y_0 if `found`.
 Start solve_at_zero(const DiscreteProblem&, Result&);
 
-/// Whether w_i < 0 at t = 0 for a constraint that no impulse of y moves, since its rows of M and of N B are zero: a body
-/// below a rigid floor, whose impulses move the velocity alone. The result then says so. start: w with y = 0, n values.
+/// Whether w_i < 0 at t = 0 for a constraint that no impulse of y moves, since its rows of M and of N B are zero: a
+/// body below a rigid floor, whose impulses move the velocity alone. The result then says so. start: w with y = 0, n
+/// values.
 bool starts_below(const Scene&, const Vector& start, Result&);
 
 /// Whether M leaves room for an impulse of y that moves the state, where the problem of an instant has no solution.

@@ -156,8 +156,10 @@ def test_matrices_of_a_scene():
     three = bromwich.Scene(A=-np.eye(20), B=np.eye(20), N=np.eye(20), M=bromwich.Tridiagonal(-1, np.full(20, 4.0), -2), x0=0, T=1)
     np.testing.assert_array_equal(three.M, 4 * np.eye(20) - np.eye(20, k=-1) - 2 * np.eye(20, k=1))
     assert scene.E0 is None and scene.b is None and scene.restitution is None
-    ends = bromwich.Scene(A=-1, B=1, N=1, M=1, E0=1, ET=-1, b=0.5, f="2*t", g=[-1], restitution=0.25, T=1)
-    assert (ends.E0, ends.ET, ends.b, ends.restitution) == (1, -1, 0.5, 0.25)
+    ends = bromwich.Scene(A=-1, B=1, N=1, M=1, E0=1, ET=-1, b=0.5, f="2*t", g=[-1], T=1)
+    assert (ends.E0, ends.ET, ends.b) == (1, -1, 0.5)
+    body = bromwich.Scene(A=[[0, 1], [0, 0]], B=[0, 1], N=[1, 0], M=0, x0=[1, 0], restitution=0.25, T=1)
+    assert body.restitution == [0.25]
     np.testing.assert_array_equal(ends.f([0, 0.5, 1]), [[0], [1], [2]])
     assert ends.f(0.25) == [0.5] and ends.g(1) == [-1] and (scene.g([0, 1]) == 0).all()
     with pytest.raises(bromwich.Error, match="t: "):

@@ -297,8 +297,8 @@ TEST(Status, InfeasibleWhereNoImpulseMovesTheState) {
   }
 }
 
-// x' = -x + y, 0 <= y ⊥ x >= 0 from x0 = -0.5: an impulse takes x to 0, where it stays. Row 0 of x is x0, and of y and w
-// what is behind the impulse.
+// x' = -x + y, 0 <= y ⊥ x >= 0 from x0 = -0.5: an impulse takes x to 0, where it stays. Row 0 of x is x0, and of y and
+// w what is behind the impulse.
 TEST(Status, BeginsBehindAnImpulse) {
   Scene scene;
   scene.dynamics = DenseDynamics{Matrix{{-1}}, Matrix{{1}}, Matrix{{1}}};
@@ -307,7 +307,9 @@ TEST(Status, BeginsBehindAnImpulse) {
   scene.x0 = Vector::Constant(1, -0.5);
   scene.T = 1;
   for (const Method method : {Method::automatic, Method::march, Method::euler, Method::events}) {
-    const Result r = run(scene, options_for(method, J));
+    Options options = options_for(method, J);
+    options.trace = true;
+    const Result r = run(scene, options);
     ASSERT_EQ(r.status, Status::solved) << to_string(method) << ": " << r.reason;
     EXPECT_EQ(r.x(0, 0), -0.5) << to_string(method);
     const RowMatrix w = slack(scene, r);
