@@ -309,6 +309,7 @@ TEST(Status, BeginsBehindAnImpulse) {
   for (const Method method : {Method::automatic, Method::march, Method::euler, Method::events}) {
     Options options = options_for(method, J);
     options.trace = true;
+    options.states = StateSelection::all;
     const Result r = run(scene, options);
     ASSERT_EQ(r.status, Status::solved) << to_string(method) << ": " << r.reason;
     EXPECT_EQ(r.x(0, 0), -0.5) << to_string(method);
