@@ -5,6 +5,7 @@
 // Prints how often each family of scenes ended with which status, and the silent failures: results that contradict
 // their status. The exit code is 1 if there is one. The numbers depend on the seeds only, up to rounding.
 
+#include "core/build_info.hpp"
 #include "cpu/cpu_backend.hpp"
 #include "tests/support/verdict.hpp"
 
@@ -122,7 +123,7 @@ ordered_json as_json(const Arguments& arguments, const Tally& tally) {
     json["silent_failures"] = row.failures;
     return json;
   };
-  ordered_json json{{"first_seed", arguments.first_seed}, {"count", arguments.count}};
+  ordered_json json{{"commit", build_info::commit}, {"first_seed", arguments.first_seed}, {"count", arguments.count}};
   for (const auto& [method, row] : tally.totals) json["all"][to_string(method)] = counts(row);
   for (const auto& [key, row] : tally.rows)
     json["families"][oracle::to_string(oracle::Family(key.first))][to_string(key.second)] = counts(row);

@@ -2,6 +2,7 @@
 picture that says which measurements it was drawn from."""
 import hashlib
 import json
+import os
 import pathlib
 import re
 import subprocess
@@ -19,6 +20,12 @@ def facts(command):
         subprocess.run([command, "bench", "auto", "--quick", "--out", file], capture_output=True, check=True)
         study = json.loads(file.read_text())
     return {key: study[key] for key in ("machine", "compiler", "build_type", "flags", "commit", "version")}
+
+
+def commit():
+    """The 40 digits of the commit that is measured: of BROMWICH_COMMIT, else of this checkout."""
+    given = os.environ.get("BROMWICH_COMMIT")
+    return given or subprocess.run(["git", "-C", root, "rev-parse", "HEAD"], capture_output=True, text=True, check=True).stdout.strip()
 
 
 # The mark of a picture that shows the program and no measurement.
