@@ -132,8 +132,10 @@ void EventSteps::begin(const StepLimits& limits) {
 
 // Up to the next breakpoint, by a time that recurs with it: times are known to rounding.
 double EventSteps::longest_from(const EventPoint& p) const {
+  constexpr double no_step = 0.01;  // of a step: less is not left for another one, in which y has no sign
   const double h = std::min(p.h, limits_.longest), rest = p.end - p.t, known = 4 * epsilon * T_;
-  return h < rest ? propagators_.grid_length(h) : std::max(1.0, std::round(rest / known)) * known;
+  if (const double step = propagators_.grid_length(h); h < rest && (1 + no_step) * step < rest) return step;
+  return std::max(1.0, std::round(rest / known)) * known;
 }
 
 double EventSteps::noise() const { return noise_share * limits_.tolerance; }

@@ -71,6 +71,22 @@ Scene tiny_y() {
   return scene;
 }
 
+// Held by a force to the end: whatever T, no step is left there that is too short for y to have a sign.
+TEST(EventDriven, StepsEndWithT) {
+  Scene scene;
+  scene.dynamics = DenseDynamics{Matrix{{0, 1}, {-1.18, -0.1}}, Matrix{{0}, {-0.636}}, Matrix{{-0.636, 0}}};
+  scene.M = Matrix{{0}};
+  scene.f = [](double t, Eigen::Ref<Vector> f) { f << 0, 3.948 * std::sin(0.531 * (t + 3.4465)); };
+  scene.g = [](double, Eigen::Ref<Vector> g) { g[0] = 0.0434850374165052; };
+  scene.x0 = Vector{{0.0434850374165052 / 0.636, -1e-13}};
+  for (int k = 0; k <= 160; ++k) {
+    scene.T = 0.3 + 0.01 * k;
+    const EventSolution s = integrate_with_events(scene, LcpClass::PSD, {}, {});
+    ASSERT_TRUE(s.complete) << scene.T << ": " << s.reason;
+    EXPECT_NEAR(s.x(scene.T, true)[0], scene.x0[0], 1e-12) << scene.T;
+  }
+}
+
 TEST(EventDriven, SignsBelowWhatCountsAsZeroAreInDoubt) {
   const EventSolution s = integrate_with_events(tiny_y(), LcpClass::P, {1}, {});
   ASSERT_TRUE(s.complete) << s.reason;
