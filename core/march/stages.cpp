@@ -295,9 +295,11 @@ void solve_by_stages(const DiscreteProblem& p, Index stages, const InnerOptions&
   if (result.starts_with_impulse) result.kernel += impulse_note;
   count(s.report, result);
   if (plan) tell(scan, result);
-  // The first part is the impulse: y and N x of row 0 are those behind the second.
+  // The first part is the impulse: y and w of row 0 are those behind the second.
   const Index behind = std::min<Index>(grid.lengths.empty() ? 1 : 2, result.y.rows() - 1);
-  const Vector y_behind = result.y.row(behind).transpose(), seen_behind = s.v.row(behind).transpose();
+  const Vector y_behind = result.y.row(behind).transpose();
+  const Vector g_behind = given.problem.g.row(behind).tail(y_behind.size()).transpose();
+  const Vector seen_behind = s.v.row(behind).transpose() + g_behind - p.g.row(0);
   if (!grid.lengths.empty()) keep_points(p, grid, given, s, result);
   if (start == Start::impulse) {
     result.y.row(0) = y_behind.transpose();
