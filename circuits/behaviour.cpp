@@ -17,19 +17,30 @@ constexpr int deepest = 200;  ///< nested parentheses
 
 bool of_name(char c) { return std::isalnum(static_cast<unsigned char>(c)) != 0 || c == '_' || c == '.'; }
 
-/// A constant and terms by the number of the variable.
+/// A constant, terms by the number of the variable, and an expression of time alone; empty: 0.
 struct Affine {
   double constant = 0;
   std::map<std::size_t, double> terms = {};
+  std::string of_time = {};
 
-  bool is_constant() const { return terms.empty(); }
+  bool is_constant() const { return terms.empty() && of_time.empty(); }
+  /// Whether it is one of time, without voltages and currents.
+  bool is_of_time() const { return terms.empty() && !of_time.empty(); }
   Affine& add(const Affine& other, double factor) {
     constant += factor * other.constant;
     for (const auto& [variable, k] : other.terms)
       if ((terms[variable] += factor * k) == 0) terms.erase(variable);
+    if (!other.of_time.empty() && factor != 0)
+      of_time += fmt::format("{}({:.17g})*({})", of_time.empty() ? "" : "+", factor, other.of_time);
     return *this;
   }
+  /// Of one without terms.
+  std::string text() const {
+    return of_time.empty() ? fmt::format("({:.17g})", constant) : fmt::format("({:.17g}+{})", constant, of_time);
+  }
 };
+Affine of_time(std::string text) { return {0, {}, std::move(text)}; }
+bool without_signals(const Affine& a, const Affine& b) { return a.terms.empty() && b.terms.empty(); }
 Affine sum(Affine a, const Affine& b, double factor = 1) { return a.add(b, factor); }
 Affine times(const Affine& a, double factor) { return Affine{}.add(a, factor); }
 
@@ -46,7 +57,7 @@ class Behaviour {
     text_ = parameters_->plain(with_variables(inner), source_.place);
     const Affine value = conditional();
     if (peek() != '\0') refuse(fmt::format("'{}' is not understood", text_.substr(at_)));
-    set_form(source_, value);
+    set_form(source_, with_source(value));
     made_.push_back(std::move(source_));
     return std::move(made_);
   }
@@ -55,7 +66,7 @@ class Behaviour {
   [[noreturn]] void refuse(const std::string& found) const {
     throw Error(to_string(source_.place), fmt::format("{}: {}", source_.name, found),
                 "write sums of V(a), V(a,b) and I(V1) with constant factors, and max, min, abs, limit, table, u and "
-                "if(a>b, x, y) of them");
+                "if(a>b, x, y) of them; beside them any function of time");
   }
 
   static std::string without_quotes(const std::string& s) {
@@ -113,13 +124,35 @@ class Behaviour {
   // A hidden node whose voltage is max(0, a), of kind P, or 1 where a > 0, of kind U.
   Affine hidden(char kind, const Affine& a, double above = 0, double below = 0) {
     if (a.is_constant()) return {kind == 'P' ? std::max(0.0, a.constant) : double(a.constant > above)};
+    if (a.is_of_time() && above == below)
+      return of_time(kind == 'P' ? fmt::format("max(0,{})", a.text()) : fmt::format("({}>({:.17g}))", a.text(), above));
+    const Affine form = with_source(a);
+    Element e = hidden_element(kind, kind == 'P' ? "max" : "u");
+    set_form(e, form);
+    e.gate.threshold = (above + below) / 2, e.gate.hysteresis = (above - below) / 2;
+    return made(std::move(e));
+  }
+
+  // What depends on time alone as the voltage of a hidden node.
+  Affine with_source(Affine a) {
+    if (a.of_time.empty()) return a;
+    Element e = hidden_element('V', "time");
+    e.source = waveform_of_time(a.of_time, source_.place);
+    a.of_time.clear();
+    return sum(std::move(a), made(std::move(e)));
+  }
+
+  Element hidden_element(char kind, const char* word) const {
     Element e;
     e.kind = kind;
     e.place = source_.place;
-    e.name = fmt::format("{}.{}{}", source_.name, kind == 'P' ? "max" : "u", made_.size() + 1);
+    e.name = fmt::format("{}.{}{}", source_.name, word, made_.size() + 1);
     e.nodes = {names_.node(lower(e.name)), "0"};
-    set_form(e, a);
-    e.gate.threshold = (above + below) / 2, e.gate.hysteresis = (above - below) / 2;
+    return e;
+  }
+
+  // The voltage of its node.
+  Affine made(Element e) {
     variables_.push_back({0, {{e.nodes[0], "0", 1}}, {}});
     made_.push_back(std::move(e));
     return {0, {{variables_.size() - 1, 1}}};
@@ -153,6 +186,8 @@ class Behaviour {
       const Affine difference = sum(yes, no, -1);
       if (value.is_constant())
         value = value.constant != 0 ? yes : no;
+      else if (value.is_of_time() && without_signals(yes, no))
+        value = of_time(fmt::format("({}?{}:{})", value.text(), yes.text(), no.text()));
       else if (difference.is_constant())
         value = sum(no, value, difference.constant);
       else
@@ -195,6 +230,10 @@ class Behaviour {
       const bool product = take("*");
       if (!product && !take("/")) return a;
       const Affine b = signed_value();
+      if (!b.is_constant() && without_signals(a, b)) {
+        a = of_time(fmt::format("({}{}{})", a.text(), product ? '*' : '/', b.text()));
+        continue;
+      }
       if (!b.is_constant() && !(product && a.is_constant())) refuse("has a product or a quotient of signals");
       if (!product && b.constant == 0) refuse("divides by 0");
       a = b.is_constant() ? times(a, product ? b.constant : 1 / b.constant) : times(b, a.constant);
@@ -210,7 +249,8 @@ class Behaviour {
     const Affine a = primary();
     if (!take("^")) return a;
     const Affine b = signed_value();
-    if (!a.is_constant() || !b.is_constant()) refuse("has a power of signals");
+    if (!without_signals(a, b)) refuse("has a power of signals");
+    if (!a.is_constant() || !b.is_constant()) return of_time(fmt::format("({}^{})", a.text(), b.text()));
     return {std::pow(a.constant, b.constant)};
   }
 
@@ -233,6 +273,7 @@ class Behaviour {
     if (name.starts_with("probe_")) return {0, {{std::size_t(std::stoul(name.substr(6))), 1}}};
     if (peek() == '(') return called(name);
     if (name == "pi") return {3.14159265358979323846};
+    if (name == "time") return of_time("time");
     refuse(fmt::format("'{}' is unknown", name));
   }
 
@@ -265,6 +306,7 @@ class Behaviour {
     if (name == "table" || name == "tbl") return tabulated(a);
     count(1);
     if (name == "uramp") return hidden('P', a[0]);
+    if (name == "abs" && a[0].is_of_time()) return of_time("abs" + a[0].text());
     if (name == "abs") return sum(times(hidden('P', a[0]), 2), a[0], -1);
     if (name == "u" || name == "stp" || name == "ustep") return hidden('U', a[0]);
     if (name == "sgn") return sum(times(hidden('U', a[0]), 2), {1}, -1);
@@ -281,6 +323,7 @@ class Behaviour {
         {"log", std::log}, {"sqrt", std::sqrt}, {"log10", std::log10}, {"atan", std::atan}};
     const auto f = known.find(name);
     if (f == known.end()) refuse(fmt::format("'{}' is unknown", name));
+    if (a.is_of_time()) return of_time(fmt::format("{}{}", name == "log" ? "ln" : name, a.text()));
     if (!a.is_constant()) refuse(fmt::format("{} of a signal is not linear in pieces", name));
     return {f->second(a.constant)};
   }

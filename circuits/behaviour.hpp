@@ -6,7 +6,7 @@
 //
 // Each p and u becomes an element of its own, a source of voltage of a hidden node, so that an expression is a linear
 // form of node voltages and currents. abs, min, limit, uramp, table are made of p; u, stp, sgn, &&, || and ! of u;
-// schmitt is u with memory.
+// schmitt is u with memory. What depends on time alone is an independent source, whatever its function.
 
 #include "circuits/netlist.hpp"
 

@@ -1,6 +1,8 @@
 #include "circuits/waveform.hpp"
 
 #include "core/base/error.hpp"
+#include "files/slope.hpp"
+#include "files/switch_times.hpp"
 
 #include <fmt/format.h>
 
@@ -207,6 +209,32 @@ double common_period(const std::vector<double>& periods) {
       return T;
   }
   return 0;
+}
+
+Waveform waveform_of_time(const std::string& expression, const Place& place) {
+  constexpr long most_work = 20'000'000;  // evaluations in a search for jumps
+  const Formula by_time = read_formula(expression, {}, to_string(place), {{"time", 0}});
+  Formula in_time = by_time;
+  for (Instruction& step : in_time.program)
+    if (step.operation == Operation::variable) step.operation = Operation::time;
+  Waveform w;
+  w.value = [in_time](double t) { return in_time(t); };
+  w.slope = [by_time](double t) {
+    const std::vector<double> at{t};
+    Slopes slopes{t, at, 0};
+    std::vector<Slope> stack;
+    return execute(by_time, slopes, stack)->slope;
+  };
+  w.breakpoints = [in_time, place](double T) {
+    long work = most_work;
+    SwitchTimes found = switch_times(in_time, T, work);
+    if (!found.complete)
+      throw Error(to_string(place), "has more jumps and kinks than can be found in the time of .tran",
+                  "end it earlier");
+    std::erase_if(found.times, [T](double t) { return !(t > 0) || !(t < T); });
+    return found.times;
+  };
+  return w;
 }
 
 Waveform read_waveform(const std::vector<std::string>& words, const Parameters& parameters, const Place& place,

@@ -1,5 +1,5 @@
 #pragma once
-// Independent sources: DC, PULSE, SIN, PWL, EXP, SFFM. Smooth between their breakpoints.
+// Independent sources: DC, PULSE, SIN, PWL, EXP, SFFM, expressions of time. Smooth between their breakpoints.
 
 #include "circuits/values.hpp"
 
@@ -25,6 +25,10 @@ Waveform constant_waveform(double value);
 /// `settled`: as it is long after its delay, also before. Throws Error naming the place.
 Waveform read_waveform(const std::vector<std::string>& words, const Parameters&, const Place&, double stop,
                        bool settled = false);
+
+/// Of an expression of `time` and numbers, as Parameters::plain writes them; its jumps and kinks are found. Throws
+/// Error naming the place.
+Waveform waveform_of_time(const std::string& expression, const Place&);
 
 /// The least time that is a multiple of all periods; 0 where there is none up to 10^4 of the longest.
 double common_period(const std::vector<double>& periods);

@@ -56,6 +56,47 @@ TEST(Behaviour, PiecewiseLinearExpressions) {
     }
 }
 
+// Beside V(a), any function of time.
+TEST(Behaviour, FunctionsOfTime) {
+  const std::pair<const char*, std::function<double(double, double)>> cases[] = {
+      {"2*sin(2*pi*1k*time)-3*V(a)", [](double a, double t) { return 2 * std::sin(2 * pi * 1e3 * t) - 3 * a; }},
+      {"{(1+time*2k)^2/(1-time)*exp(-time/p)}",
+       [](double, double t) { return std::pow(1 + 2e3 * t, 2) / (1 - t) * std::exp(-t / 3); }},
+      {"if(time > 0.3m, 5, 1+1k*time)+V(a)", [](double a, double t) { return (t > 0.3e-3 ? 5 : 1 + 1e3 * t) + a; }},
+      {"max(V(a), abs(3*cos(2*pi*2k*time)))",
+       [](double a, double t) { return std::max(a, std::abs(3 * std::cos(4 * pi * 1e3 * t))); }},
+      {"u(V(a) - log(2+1k*time)) + min(1, 4k*time)",
+       [](double a, double t) { return double(a > std::log(2 + 1e3 * t)) + std::min(1.0, 4e3 * t); }}};
+  for (const auto& [text, form] : cases)
+    for (const double t : {0.02e-3, 0.1e-3, 0.17e-3, 0.52e-3, 0.7e-3})
+      EXPECT_NEAR(value_of(text, t), form(4 * std::sin(2 * pi * t / 1e-3), t), 1e-9 * 40) << text << " at " << t;
+}
+
+// A capacitor across such a source has the current of the slope, which jumps at a kink that is found.
+TEST(Behaviour, FunctionsOfTimeHaveSlopes) {
+  const Circuit c = circuit_of("B1 o 0 V={5*abs(sin(2*pi*1k*time))}\nC1 o 0 1u\nR1 o 0 1\n.tran 1u 1m uic\n");
+  for (const double t : {0.1e-3, 0.45e-3, 0.55e-3, 0.9e-3}) {
+    const double angle = 2 * pi * 1e3 * t;
+    EXPECT_NEAR(values(c, t).at("I(C1)"), 1e-6 * 5 * 2 * pi * 1e3 * std::cos(angle) * (std::sin(angle) > 0 ? 1 : -1),
+                1e-9);
+  }
+  ASSERT_EQ(c.scene.breakpoints.size(), 1u);
+  EXPECT_NEAR(c.scene.breakpoints[0], 0.5e-3, 1e-17);
+}
+
+// Sine and triangle, both of time: the edges of the pulses are found beforehand, as those of named sources are.
+TEST(Behaviour, SinePulseWidthModulation) {
+  const Circuit c = circuit_of(
+                    "Vt t 0 PULSE(-1 1 0 50u 50u 0 100u)\nB1 o 0 V={100*sgn(0.8*sin(2*pi*50*time)-V(t))}\n"
+                    "R1 o q 10\nL1 q 0 10m\n.tran 1u 20m uic\n"),
+                named = circuit_of(
+                    "Vt t 0 PULSE(-1 1 0 50u 50u 0 100u)\nVm m 0 SIN(0 0.8 50)\nB1 o 0 V={100*sgn(V(m)-V(t))}\n"
+                    "R1 o q 10\nL1 q 0 10m\n.tran 1u 20m uic\n");
+  EXPECT_EQ(c.scene.states(), 1);
+  for (const double t : {3.1e-3, 11e-3, 19.9e-3})
+    EXPECT_NEAR(values(c, t).at("I(L1)"), values(named, t).at("I(L1)"), 1e-9) << t;
+}
+
 // A source of current, and currents of a resistor and a coil in an expression.
 TEST(Behaviour, CurrentsOfElements) {
   const Circuit c = circuit_of("V1 a 0 6\nR1 a b 2\nL1 b 0 1m\nB1 0 o I=I(R1)+2*I(L1)\nR2 o 0 1\n.tran 1u 1m uic\n");
@@ -91,6 +132,8 @@ TEST(Behaviour, MistakesAreNamed) {
       {"B1 o 0 V=V(a)/0", "divides by 0"},
       {"B1 o 0 V=sin(V(a))", "sin of a signal is not linear in pieces"},
       {"B1 o 0 V=V(a)^2", "power of signals"},
+      {"B1 o 0 V=time*V(a)", "product or a quotient of signals"},
+      {"B1 o 0 V=sin(V(a)+time)", "sin of a signal is not linear in pieces"},
       {"B1 o 0 V=foo(V(a))", "'foo' is unknown"},
       {"B1 o 0 V=x+1", "'x' is unknown"},
       {"B1 o 0 V=max(V(a))", "max takes 2 arguments, found 1"},
