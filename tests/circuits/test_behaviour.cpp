@@ -80,8 +80,8 @@ TEST(Behaviour, FunctionsOfTimeHaveSlopes) {
     EXPECT_NEAR(values(c, t).at("I(C1)"), 1e-6 * 5 * 2 * pi * 1e3 * std::cos(angle) * (std::sin(angle) > 0 ? 1 : -1),
                 1e-9);
   }
-  ASSERT_EQ(c.scene.breakpoints.size(), 1u);
-  EXPECT_NEAR(c.scene.breakpoints[0], 0.5e-3, 1e-17);
+  ASSERT_EQ(c.kinks.size(), 1u);
+  EXPECT_NEAR(c.kinks[0], 0.5e-3, 1e-17);
 }
 
 // Sine and triangle, both of time: the edges of the pulses are found beforehand, as those of named sources are.
