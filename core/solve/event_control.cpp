@@ -3,6 +3,7 @@
 #include "core/base/text.hpp"
 #include "core/base/timer.hpp"
 #include "core/events/collocation.hpp"
+#include "core/events/event_sources.hpp"
 #include "core/kernel/start_rounding.hpp"
 #include "core/lcp/lcp_class.hpp"
 #include "core/result/switching.hpp"
@@ -27,7 +28,6 @@ constexpr double assumed = 1e-4;           ///< the tolerance where none is give
 constexpr double nothing_known = 1;        ///< an error that is as large as the solution
 constexpr double rounding = 64 * epsilon;  ///< smaller differences say nothing
 constexpr Index most_halvings = 6;         ///< of the steps between rows
-constexpr std::size_t fewest_in_T = 32;    ///< steps, and 16 more each time: no two integrations look at the same times
 
 // Mean over time of how far y and x are from linear between the rows, relative to their sizes.
 double bend(const EventSolution& s, const Result& r, const ComponentSizes& sizes) {
@@ -72,8 +72,6 @@ void take_sides(const EventSolution& of_a, const EventSolution& of_b, double apa
   }
 }
 
-double longest_step(double T, std::size_t number) { return T / double(fewest_in_T + 16 * number); }
-
 // Of the first integration.
 double tolerance_for(const EventGoal& goal) {
   if (goal.first > 0) return goal.first;
@@ -81,10 +79,12 @@ double tolerance_for(const EventGoal& goal) {
 }
 
 EventSolution integrate_scene(const Scene& scene, const InnerOptions& options, LcpClass lcp_class, double tolerance,
-                              std::size_t number, double most_work, const std::shared_ptr<RegimesOfScene>& kept) {
+                              std::size_t number, double most_work, const std::shared_ptr<RegimesOfScene>& kept,
+                              const std::function<double(double, double)>& budget = {}) {
   EventOptions o;
+  o.budget = budget;
   o.tolerance = tolerance;
-  o.longest_step = longest_step(scene.T, number);
+  o.longest_step = longest_step(scene, scene.breakpoints, number);
   o.most_work = most_work;
   o.kept = kept;
   o.interrupted = options.interrupted;
@@ -142,9 +142,18 @@ class EventControl {
  private:
   bool chooses_grid() const { return goal_.tolerance > 0; }
 
-  EventSolution integrate(double tolerance, std::size_t number) const {
-    return integrate_scene(scene_, options_, lcp_class_, tolerance, number, goal_.most_work, kept_);
+  EventSolution integrate(double tolerance, std::size_t number) {
+    const auto budget = [this, before = work_](double work, double t) {
+      const double whole = work * scene_.T / std::max(t, epsilon * scene_.T);
+      const double later = tolerances_.size() < 2 ? of_finer * whole : 0;
+      return goal_.budget(before + work, whole - work + later) - before;
+    };
+    EventSolution s = integrate_scene(scene_, options_, lcp_class_, tolerance, number, goal_.most_work, kept_,
+                                      goal_.budget ? budget : std::function<double(double, double)>());
+    work_ += s.work;
+    return s;
   }
+  static constexpr double of_finer = 1.5;  ///< a finer integration beside the first, in operations
 
   static bool may_become_complete(const EventSolution& s) {
     return !s.complete && !s.interrupted && s.end != EventEnd::out_of_work;
@@ -302,6 +311,7 @@ class EventControl {
   std::vector<Index> components_;
   std::optional<EventRows> rows_;
   std::vector<double> tolerances_;  ///< of the integrations
+  double work_ = 0;                 ///< of those so far
   const std::shared_ptr<RegimesOfScene> kept_ = keep_regimes();
   double of_y_ = INFINITY, of_x_ = INFINITY, doubt_ = 0;
   bool of_mean_ = false;
@@ -315,8 +325,6 @@ EventGoal event_goal(const InnerOptions& options, double most_work) {
   const ErrorGoal goal(options);
   return {goal.smallest(), goal.y > 0, goal.x > 0, most_work};
 }
-
-double first_longest_step(double T) { return longest_step(T, 1); }
 
 EventAttempt try_events(const Scene& scene, Backend& backend, const InnerOptions& options, const ComponentSizes& sizes,
                         const EventGoal& goal) {
