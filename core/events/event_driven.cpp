@@ -262,9 +262,8 @@ class EventIntegration {
   }
 
   bool pass_accumulation() {
-    if (++solution_.accumulations > most_accumulations || !pass(10 * options_.tolerance * T_))
-      return give_up("events accumulate");
-    return true;
+    const bool passed = ++solution_.accumulations <= most_accumulations && pass(10 * options_.tolerance * T_);
+    return passed || give_up("events accumulate");
   }
 
   // Where a kink of a source is known to less than full precision, no active set holds on both sides of it. Steps of

@@ -62,7 +62,8 @@ class EventsBesideGrids {
 
  private:
   static constexpr double first = 4e7, more = 1.25;  ///< operations of events before grids may be tried
-  static constexpr double share = 1.0 / 6;           ///< of what events need: the next grid, which may be in vain
+  /// Of what events need: the next grid, and a march on steps of their own, which may be in vain.
+  static constexpr double share = 1.0 / 6, share_of_march = 1.0 / 3;
 
   double allowed(double done, double needed) {
     if (done < first) return first;
@@ -70,7 +71,7 @@ class EventsBesideGrids {
       return grids_.operations_to_goal() <= needed && grids_.operations_of_next() <= share * needed;
     };
     try {
-      while (!of_grids_ && !refused_ && may_pay()) of_grids_ = grids_.advance(needed);
+      while (!of_grids_ && !refused_ && may_pay()) of_grids_ = grids_.advance(share_of_march * needed);
     } catch (const Error&) {  // it is thrown again where events do not solve the scene
       refused_ = true;
     }

@@ -29,14 +29,16 @@ constexpr double nothing_known = 1;        ///< an error that is as large as the
 constexpr double rounding = 64 * epsilon;  ///< smaller differences say nothing
 constexpr Index most_halvings = 6;         ///< of the steps between rows
 
-// Mean over time of how far y and x are from linear between the rows, relative to their sizes.
-double bend(const EventSolution& s, const Result& r, const ComponentSizes& sizes) {
+// Mean over time of how far y and x, those that are controlled, are from linear between the rows, relative to their
+// sizes.
+double bend(const EventSolution& s, const Result& r, const ComponentSizes& sizes, const EventGoal& goal) {
   const Index J = r.steps;
   Vector of_y = Vector::Zero(r.y.cols()), of_x = Vector::Zero(r.x.cols());
   for (Index j = 0; j < J; ++j) {
     const double t = (r.t[j] + r.t[j + 1]) / 2;
-    if (r.y.row(j).allFinite()) of_y += (s.y(t, true) - (r.y.row(j) + r.y.row(j + 1)).transpose() / 2).cwiseAbs();
-    if (of_x.size() > 0)
+    if (goal.of_y && r.y.row(j).allFinite())
+      of_y += (s.y(t, true) - (r.y.row(j) + r.y.row(j + 1)).transpose() / 2).cwiseAbs();
+    if (goal.of_x && of_x.size() > 0)
       of_x += (s.x(t, true)(r.x_components) - (r.x.row(j) + r.x.row(j + 1)).transpose() / 2).cwiseAbs();
   }
   const auto mean = [J](const Vector& sum, const Vector& size) {
@@ -185,16 +187,16 @@ class EventControl {
     for (Index halvings = 0; halvings < most_halvings; ++halvings) {
       rows_->fill(s, components_, false, r);
       const Index next = 2 * r.steps;
-      if (next > options_.max_steps || bend(s, r, sizes_) <= tolerance_) return;
+      if (next > options_.max_steps || bend(s, r, sizes_, goal_) <= tolerance_) return;
       rows_.emplace(scene_, backend_, next);
     }
   }
 
   // The error of the less accurate solution, in of_y_ and of_x_; the other one is returned.
   void compare(const EventSolution& coarse, EventSolution& fine) {
-    Result a, b;
+    Result a, &b = of_fine_ = {};
     rows_->fill(coarse, components_, false, a);
-    rows_->fill(fine, components_, false, b);
+    rows_->fill(fine, components_, options_.trace, b);
     take_sides(coarse, fine, tolerances_[tolerances_.size() - 2] * scene_.T, a, b);
     look_at_sizes(fine);
     fine.switches = switches_beside(fine, coarse);
@@ -268,9 +270,9 @@ class EventControl {
     return r;
   }
 
+  // The one that was compared last.
   Result finished(EventSolution s) {
-    Result r;
-    rows_->fill(s, components_, options_.trace, r);
+    Result r = std::move(of_fine_);
     describe(s, r);
     const bool unique = s.unique;
     r.located = std::make_shared<const LocatedSolution>(std::move(s));
@@ -313,6 +315,7 @@ class EventControl {
   std::vector<double> tolerances_;  ///< of the integrations
   double work_ = 0;                 ///< of those so far
   const std::shared_ptr<RegimesOfScene> kept_ = keep_regimes();
+  Result of_fine_;  ///< the rows of the solution that was compared last
   double of_y_ = INFINITY, of_x_ = INFINITY, doubt_ = 0;
   bool of_mean_ = false;
   std::optional<Notice> cause_, one_of_several_;

@@ -124,16 +124,22 @@ std::optional<std::string> GridRefinement::judgement() {
   return end;
 }
 
-// Steps of small problems take as long as so many operations beside those that are counted.
+// Steps of small problems take as long as so many operations beside those that are counted, and beside breakpoints
+// there are steps of lengths of their own, each with its matrices.
 double GridRefinement::operations(Index J) const {
-  constexpr double of_step = 4000;
-  return predicted_cost(scene_, Method::march, J, 0).operations + of_step * double(J);
+  constexpr double of_step = 4000, of_breakpoint = 34, of_matrices = 10;
+  const double size = double(scene_.states() + 2 * scene_.constraints());
+  return predicted_cost(scene_, Method::march, J, 0).operations + of_step * double(J) +
+         of_breakpoint * double(scene_.breakpoints.size()) * (of_step + of_matrices * size * size * size);
 }
 
+// By the order of the last grids, at most that of the methods.
 double GridRefinement::operations_to_goal() const {
-  constexpr double order = 2;
+  constexpr double most = 2, least = 0.25;
   const double error = solved_ ? solved_->error_estimate.value_or(NAN) : NAN;
   if (!(error > goal_.smallest())) return operations(next_);
+  const double before = estimates_.size() > 1 ? estimates_[estimates_.size() - 2] : NAN;
+  const double order = before > 0 ? std::clamp(std::log2(before / error), least, most) : most;
   return operations(next_) * std::max(1.0, std::pow(error / goal_.smallest(), 1 / order) - 1);
 }
 
@@ -149,7 +155,7 @@ std::string GridRefinement::spent(Index J) const {
 }
 
 std::optional<Result> GridRefinement::on_tree(double most_operations) {
-  constexpr double of_leaf = 30;  // operations, beside those of a step of equal length
+  constexpr double of_leaf = 10;  // operations, beside those of a step of equal length
   constexpr Index more = 4;       // steps than before, or no other attempt is made
   const bool march = options_.method == Method::march || options_.method == Method::automatic;
   if (!march || solved_->method != Method::march || solved_->impacts) return std::nullopt;
