@@ -128,9 +128,11 @@ std::vector<double> breakpoints(const Reduction& r, const std::vector<Waveform>&
 
 TimeFunction all_values(const std::shared_ptr<const std::vector<Waveform>>& u,
                         std::function<double(double)> Waveform::*which) {
-  return [u, which](double t, Eigen::Ref<Vector> value) {
+  const TimeFunction all = [u, which](double t, Eigen::Ref<Vector> value) {
     for (std::size_t k = 0; k < u->size(); ++k) value[Index(k)] = ((*u)[k].*which)(t);
   };
+  if (std::all_of(u->begin(), u->end(), [](const Waveform& one) { return one.linear; })) return LinearSource{all};
+  return all;
 }
 
 /// What IC= and .ic give to elements that store; others have 0.
@@ -318,7 +320,7 @@ Circuit make_circuit(const Netlist& netlist, const std::string& file) {
   s.g = combination(of_sources(r.w.u, r), of_sources(r.w.slope, r), u);
   s.time_unit = "s";
   s.breakpoints = breakpoints(r, *u, s.T);
-  s.breakpoints_are_all = true;
+  s.breakpoints_are_all = s.no_pulses = true;
   c.notes = netlist.notes;
   c.notes.insert(c.notes.end(), r.notes.begin(), r.notes.end());
   if (netlist.periodic)

@@ -1,6 +1,7 @@
 #include "circuits/waveforms.hpp"
 
 #include "core/base/error.hpp"
+#include "core/numerics/legendre.hpp"
 #include "core/result/located_solution.hpp"
 #include "core/solve/dense_output.hpp"
 
@@ -17,7 +18,8 @@ namespace {
 
 constexpr double shortest = 1e-12;   ///< of the span: shorter pieces are rounding of times
 constexpr double inside = 1e-9;      ///< of a piece: where the value at its end is looked at
-constexpr Index least_pieces = 200;  ///< of a span: harmonics up to 50 have more than four pieces a period
+constexpr Index least_pieces = 200;  ///< of a span, where sources or the solution may bend more than its pieces show
+constexpr double turn = 1;           ///< of e^{-i omega t} from the middle of a quadrature of order 16 to its ends
 constexpr int around = 9, rounds = 12;
 
 // Gauss-Legendre on [-1, 1], eight points (Abramowitz and Stegun, table 25.4).
@@ -25,6 +27,30 @@ constexpr std::array<double, 4> points{0.1834346424956498049394761, 0.5255324099
                                        0.7966664774136267395915539, 0.9602898564975362316835609};
 constexpr std::array<double, 4> point_weights{0.3626837833783619829651504, 0.3137066458778872873379622,
                                               0.2223810344533744705443560, 0.1012285362903762591525314};
+
+// Eight points and their weights on [-1, 1], increasing.
+struct Gauss {
+  static constexpr Index count = 2 * Index(points.size());
+  Eigen::Matrix<double, count, 1> at, weights;
+  /// Legendre coefficients of the polynomial through eight values.
+  Eigen::Matrix<double, count, count> coefficients;
+
+  Gauss() {
+    const Index half = count / 2;
+    for (Index i = 0; i < half; ++i) {
+      at[half + i] = points[std::size_t(i)], at[half - 1 - i] = -points[std::size_t(i)];
+      weights[half + i] = weights[half - 1 - i] = point_weights[std::size_t(i)];
+    }
+    static_assert(count == legendre_degree + 1);
+    for (Index i = 0; i < count; ++i) coefficients.col(i) = weights[i] * legendre((1 + at[i]) / 2);
+    for (Index k = 0; k < count; ++k) coefficients.row(k) *= double(2 * k + 1) / 2;
+  }
+};
+
+const Gauss& gauss() {
+  static const Gauss all;
+  return all;
+}
 
 std::vector<double> edges_between(const Circuit& c, const Result& r, double from, double to) {
   std::vector<double> all(r.t.begin(), r.t.end());
@@ -34,7 +60,8 @@ std::vector<double> edges_between(const Circuit& c, const Result& r, double from
     for (const Switch& s : switches(r)) all.push_back(s.t);
   for (const std::vector<double>* times : {&c.scene.breakpoints, &c.kinks})
     all.insert(all.end(), times->begin(), times->end());
-  for (Index k = 1; k < least_pieces; ++k) all.push_back(from + (to - from) * double(k) / double(least_pieces));
+  const Index least_number = r.located && c.u.linear() ? 1 : least_pieces;
+  for (Index k = 1; k < least_number; ++k) all.push_back(from + (to - from) * double(k) / double(least_number));
   std::sort(all.begin(), all.end());
   const double least = shortest * (to - from);
   std::vector<double> edges{from};
@@ -61,13 +88,11 @@ CircuitWaveforms::CircuitWaveforms(const Circuit& circuit, Backend& backend, con
   for (std::size_t k = 0; k + 1 < edges_.size(); ++k) {
     const double middle = (edges_[k] + edges_[k + 1]) / 2, half = (edges_[k + 1] - edges_[k]) / 2;
     looks_.push_back(edges_[k] + inside * half);
-    for (const int sign : {-1, 1})
-      for (std::size_t i = 0; i < points.size(); ++i) {
-        const std::size_t from_the_left = sign < 0 ? points.size() - 1 - i : i;
-        times.push_back(middle + sign * half * points[from_the_left]);
-        weights.push_back(half * point_weights[from_the_left]);
-        looks_.push_back(times.back());
-      }
+    for (Index i = 0; i < Gauss::count; ++i) {
+      times.push_back(middle + half * gauss().at[i]);
+      weights.push_back(half * gauss().weights[i]);
+      looks_.push_back(times.back());
+    }
     looks_.push_back(edges_[k + 1] - inside * half);
   }
   t_ = Eigen::Map<const Vector>(times.data(), Index(times.size()));
@@ -75,7 +100,7 @@ CircuitWaveforms::CircuitWaveforms(const Circuit& circuit, Backend& backend, con
   outputs_looks_ = outputs_at(looks_);
   ends_ = outputs_at({edges_.front(), edges_.back()});
   outputs_.resize(t_.size(), outputs_looks_.cols());
-  const Index of_piece = 2 * Index(points.size());
+  const Index of_piece = Gauss::count;
   for (Index k = 0; k + 1 < Index(edges_.size()); ++k)
     outputs_.middleRows(k * of_piece, of_piece) = outputs_looks_.middleRows(k * (of_piece + 2) + 1, of_piece);
 }
@@ -118,10 +143,22 @@ double CircuitWaveforms::extreme(const Probe& p, double sign) const {
   }
 }
 
+// Of the polynomials through the points of the quadrature, in parts so short that e^{-i omega t} is resolved.
 std::complex<double> CircuitWaveforms::spectrum(const Probe& p, double omega) const {
-  const Vector values = p(t_, outputs_).cwiseProduct(weights_);
+  const Vector values = p(t_, outputs_);
+  const Gauss& g = gauss();
   std::complex<double> sum = 0;
-  for (Index j = 0; j < t_.size(); ++j) sum += values[j] * std::polar(1.0, -omega * (t_[j] - from()));
+  for (Index k = 0; k + 1 < Index(edges_.size()); ++k) {
+    const double begin = edges_[std::size_t(k)], length = edges_[std::size_t(k) + 1] - begin;
+    const Index parts = 1 + Index(std::abs(omega) * length / (2 * turn));
+    const LegendreValues c = g.coefficients * values.segment<Gauss::count>(k * Gauss::count);
+    for (Index part = 0; part < parts; ++part)
+      for (Index i = 0; i < Gauss::count; ++i) {
+        const double at = (double(part) + (1 + g.at[i]) / 2) / double(parts);
+        const double phase = -omega * (begin + at * length - from());
+        sum += length / double(2 * parts) * g.weights[i] * c.dot(legendre(at)) * std::polar(1.0, phase);
+      }
+  }
   return sum;
 }
 

@@ -6,6 +6,7 @@
 #include "core/certificate/distances.hpp"
 #include "core/dynamics/dense.hpp"
 #include "core/events/event_driven.hpp"
+#include "core/events/event_sources.hpp"
 #include "core/lcp/lcp_class.hpp"
 
 #include <numeric>
@@ -79,6 +80,7 @@ std::optional<Certificate> certify(const Scene& scene, const Result& r, const st
   if (states.size() > 0 && (states.rows() != r.steps + 1 || states.cols() != scene.states())) return std::nullopt;
   EventOptions options;
   options.tolerance = reference_tolerance;
+  options.longest_step = longest_step(scene, breakpoints, 1);
   options.most_work = most_work * (1 + double(breakpoints.size()) / 1000);
   const EventSolution located =
       integrate_with_events(scene, selection_class(scene.M, scene.lcp_class), breakpoints, options);

@@ -39,17 +39,17 @@ class EventIntegration {
         m_(scene.states()),
         n_(scene.constraints()),
         regimes_(o.kept ? o.kept : keep_regimes()) {
-    regimes_->begin(scene, lcp_class, {longest_span(), o.tolerance, longest_});
+    regimes_->begin(scene, lcp_class, {longest_span(breakpoints, T_), o.tolerance, longest_});
     regime_ = &regimes_->of(scene.x0);
     const Vector of_x = Vector::Zero(m_), of_y = Vector::Zero(n_);
     at_.sizes.u = {of_x, of_x, of_x, of_y, of_y, of_y};
-    at_.h = longest_;
+    at_.h = regime_->steps.usual_length();
     at_.x = scene.x0;
     for (std::size_t k = 0; k < scene.memories.size(); ++k) at_.x[scene.memories[k].state] = double(regime_->modes[k]);
     at_.sizes.u.f = regime_->sources.f(0).cwiseAbs();
     // Of a component that another solve has left as rounding x0 says nothing.
     at_.sizes.include_x(
-        terms_of_motion(regime_->system.A, Matrix::Identity(m_, m_), at_.x, at_.sizes.u.f, of_x, longest_));
+        terms_of_motion(regime_->system.A, Matrix::Identity(m_, m_), at_.x, at_.sizes.u.f, of_x, at_.h));
     put_on_constraints();
     at_.y = at_.integral = at_.sizes.y = solution_.doubt = of_y;
   }
@@ -69,12 +69,6 @@ class EventIntegration {
   }
 
  private:
-  double longest_span() const {
-    double longest = 0, begin = 0;
-    for (const double t : breakpoints_) longest = std::max(longest, t - begin), begin = t;
-    return std::max(longest, T_ - begin);
-  }
-
   // False where no solution of the regime is selected.
   bool note_regime() {
     solution_.unique = solution_.unique && (regime_->unique || regime_->enumerates);
@@ -86,7 +80,7 @@ class EventIntegration {
   // The sizes of a state that y has not moved yet: those that y of a first step gives it. An x0 that is small beside
   // them counts as zero, as it would later.
   void expect_motion() {
-    const ShortSteps::Step first = regime_->short_steps.take(0, longest_, at_.x, Vector::Zero(n_));
+    const ShortSteps::Step first = regime_->short_steps.take(0, at_.h, at_.x, Vector::Zero(n_));
     if (first.solved && first.y.allFinite()) at_.sizes.include_x(regime_->steps.moved_within_step(first.y.cwiseAbs()));
   }
 
@@ -239,10 +233,14 @@ class EventIntegration {
     at_.zero_w = step.zero_w;
     at_.integral += step.length * (step.y.transpose() * legendre_integrals(step.valid));
     at_.t = to;
-    if (step.valid >= 1) propose_length(step);
+    propose_length(step);
   }
 
+  // Values behind an event say nothing of the solution: a step does not reach far beyond the next one.
   void propose_length(const EventStep& step) {
+    constexpr double beyond = 4;
+    if (step.valid < 1)
+      return void(at_.h = std::min(at_.h, std::max(beyond * step.valid * step.length, regime_->steps.usual_length())));
     // Rounding makes defects that say nothing of the step.
     const double room =
         step.defect > rounding_defect ? 0.9 * std::pow(options_.tolerance / step.defect, 1.0 / double(s)) : 3;
@@ -264,9 +262,8 @@ class EventIntegration {
   }
 
   bool pass_accumulation() {
-    if (++solution_.accumulations > most_accumulations || !pass(10 * options_.tolerance * T_))
-      return give_up("events accumulate");
-    return true;
+    const bool passed = ++solution_.accumulations <= most_accumulations && pass(10 * options_.tolerance * T_);
+    return passed || give_up("events accumulate");
   }
 
   // Where a kink of a source is known to less than full precision, no active set holds on both sides of it. Steps of
@@ -310,7 +307,9 @@ class EventIntegration {
   }
 
   bool may_go_on() {
-    if (at_.work > options_.most_work || stored_ > most_stored) return give_up("too many steps", EventEnd::out_of_work);
+    if (at_.work > allowed_)
+      allowed_ = std::min(options_.most_work, options_.budget ? options_.budget(at_.work, at_.t) : INFINITY);
+    if (at_.work > allowed_ || stored_ > most_stored) return give_up("too many steps", EventEnd::out_of_work);
     if (!at_.x.allFinite()) return give_up("the solution grows without bounds");
     return is_wanted();
   }
@@ -365,9 +364,9 @@ class EventIntegration {
   const SwitchedMode* mode_ = nullptr;
   std::map<const SwitchedMode*, const SwitchedMode*> followers_;  ///< at the last breakpoint behind each mode
   Index pending_event_ = -1;                                      ///< the component that ended the last step
+  double allowed_ = 0;                                            ///< work before the budget is asked again
   int unknown_ = 0;                                               ///< short steps since an active set was known
-  std::size_t stored_ = 0;
-  std::size_t asked_ = 0;  ///< whether the solution is still wanted
+  std::size_t stored_ = 0, asked_ = 0;                            ///< numbers; whether the solution is still wanted
   EventSolution solution_;
 };
 

@@ -33,6 +33,9 @@ struct EventOptions {
   double tolerance = 1e-10;  ///< of the last coefficients, relative to the largest value of a component so far
   double longest_step = 0;   ///< 0: a 64th of T
   double most_work = 4e10;   ///< floating-point operations, about; more: the integration gives up
+  /// At t, with that work done: the work up to which the integration goes on before it asks again. No more than what
+  /// is done: it gives up.
+  std::function<double(double work, double t)> budget = {};
   std::shared_ptr<RegimesOfScene> kept = {};  ///< of scenes that differ in x0 alone; null: nothing is kept
   std::function<bool()> interrupted = {};
   std::function<void(double t)> progress = {};

@@ -1,6 +1,7 @@
 #include "core/events/event_sources.hpp"
 
 #include "core/numerics/irregular.hpp"
+#include "core/scene/memory.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -38,6 +39,20 @@ void see(Vector& off, const Value& value, const LegendreCoefficients& c, const L
 }
 
 }  // namespace
+
+double longest_span(const std::vector<double>& breakpoints, double T) {
+  double longest = 0, begin = 0;
+  for (const double t : breakpoints) longest = std::max(longest, t - begin), begin = t;
+  return std::max(longest, T - begin);
+}
+
+double longest_step(const Scene& scene, const std::vector<double>& breakpoints, std::size_t number) {
+  constexpr double more = 16;  // each time
+  const double of_T = scene.T / (fewest_steps + more * double(number - 1));
+  bool lines = true;
+  for_each_source(scene, [&lines](const TimeFunction& source, Index) { lines = lines && !bends(source); });
+  return lines ? std::max(of_T, 2 * longest_span(breakpoints, scene.T) / double(1 + number)) : of_T;
+}
 
 EventSources::EventSources(const Scene& scene, std::shared_ptr<SourceLooks> looks)
     : scene_(scene),

@@ -21,6 +21,17 @@ struct SourceLooks {
   std::map<std::vector<Index>, std::shared_ptr<SourceLooks>> in_modes = {};
 };
 
+/// The longest time between breakpoints, 0 and T.
+double longest_span(const std::vector<double>& breakpoints, double T);
+
+/// Of an integration over sources that may bend, at least.
+inline constexpr double fewest_steps = 48;
+
+/// The longest step of an integration. Of sources that may bend it is a part of T: more would pass between samples
+/// unseen. Lines between breakpoints hide nothing. `number`, from 1: integrations of different numbers look at
+/// different times.
+double longest_step(const Scene&, const std::vector<double>& breakpoints, std::size_t number);
+
 class EventSources {
  public:
   /// A scene with dense dynamics that outlives the object. `looks`: those of the same f, g and T, or null.

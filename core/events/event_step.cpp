@@ -124,7 +124,7 @@ void EventSteps::begin(const StepLimits& limits) {
   limits_ = limits;
   by_f_within_span_ = moved_within(limits.span, system_.A);
   by_y_within_span_ = (by_f_within_span_ * system_.B).cwiseAbs();
-  by_f_within_step_ = moved_within(limits.longest, system_.A);
+  by_f_within_step_ = moved_within(usual_length(), system_.A);
   by_y_within_step_ = (by_f_within_step_ * system_.B).cwiseAbs();
   by_f_within_span_ = by_f_within_span_.cwiseAbs();
   by_f_within_step_ = by_f_within_step_.cwiseAbs();
@@ -190,7 +190,7 @@ void EventSteps::attempt(const SwitchedMode& mode, EventPoint& p, double h, Even
   step.sizes.set_with(p.sizes, step);
   set_zeros(mode, p, step);
   const JetValues& size = step.sizes.u;
-  step.defect = std::max({tail(whole, size.x, {}, rounding_of_x(step.sizes)), source_defect(size, step.sources),
+  step.defect = std::max({tail(whole, size.x, {}, rounding_of_x(step.sizes, h)), source_defect(size, step.sources),
                           defect_of_signs(mode, step)});
   p.work +=
       double((degree + 1) * (degree + 1) * (6 * m + 3 * n) + 80 * m * m + (degree + 1) * (4 * m * n + 2 * n * n)) +
@@ -218,10 +218,10 @@ bool EventSteps::y_is_known(const EventStep& step) const {
          moved <= unseen * most(by_y_within_span_ * Vector(largest(step.y)));
 }
 
-Vector EventSteps::rounding_of_x(const EventSizes& sizes) const {
+Vector EventSteps::rounding_of_x(const EventSizes& sizes, double length) const {
   Vector moved = by_f_within_step_ * sizes.u.f;
   moved.noalias() += by_y_within_step_ * sizes.y;
-  moved *= 64 * epsilon;
+  moved *= 64 * epsilon * longer_than_usual(length);
   return moved;
 }
 
@@ -252,9 +252,10 @@ void EventSteps::set_rounding(const EventStep& step) {
   u.f = largest(f);
   u.g = largest(g);
   terms_y_ = largest(step.y);
-  u.x = largest(step.x);
-  u.x.noalias() += by_f_within_step_ * u.f;
+  u.x.noalias() = by_f_within_step_ * u.f;
   u.x.noalias() += by_y_within_step_ * terms_y_;
+  u.x *= longer_than_usual(step.length);
+  u.x += largest(step.x);
   u.x = 64 * epsilon * u.x + epsilon * epsilon * step.sizes.u.x;
   u.df = grown * (4 * epsilon * u.f + unknown_f);
   u.dg = grown * (4 * epsilon * u.g + unknown_g);

@@ -5,6 +5,7 @@
 #include "mode.hpp"
 #include "propagators.hpp"
 
+#include <algorithm>
 #include <vector>
 
 namespace bromwich {
@@ -71,10 +72,13 @@ class EventSteps {
   double longest_from(const EventPoint& p) const;
   /// Values below this share of the sum of their terms count as zero.
   double noise() const;
-  /// How far a constant |y| moves the state within the longest step: m values.
+  /// How far a constant |y| moves the state within the usual step: m values.
   Vector moved_within_step(const Vector& y) const { return by_y_within_step_ * y; }
-  /// Of a state at rest, whose own size says nothing of the terms that cancel in its changes: m values.
-  Vector rounding_of_x(const EventSizes&) const;
+  /// Of a state at rest, whose own size says nothing of the terms that cancel in its changes within a step of that
+  /// length, or a usual one: m values.
+  Vector rounding_of_x(const EventSizes&, double length = 0) const;
+  /// A step within which rounding of the terms of x' adds up, at least.
+  double usual_length() const { return std::min(limits_.longest, T_ / fewest_steps); }
   /// Whether a step was refused since rounding of y moves the state: the sign of y is not known.
   bool sign_is_lost() const { return sign_is_lost_; }
 
@@ -97,6 +101,7 @@ class EventSteps {
   void set_doubt(const SwitchedMode&, EventStep&) const;
   void look_closer(EventPoint&, EventStep&) const;
   double work_of_sources() const;
+  double longer_than_usual(double length) const { return std::max(1.0, length / usual_length()); }
   double source_defect(const JetValues& size, const EventSources::Polynomials&) const;
 
   const SystemMatrices& system_;
@@ -105,7 +110,7 @@ class EventSteps {
   StepLimits limits_;
   Propagators propagators_;
   bool rigid_;  ///< there are rigid contacts
-  /// How constant values of f and y move the state within the span, and within the longest step.
+  /// How constant values of f and y move the state within the span, and within the usual step.
   Matrix by_f_within_span_, by_y_within_span_, by_f_within_step_, by_y_within_step_;
   bool sign_is_lost_ = false;
   // Storage of an attempt.

@@ -1,6 +1,6 @@
 #include "core/solve/error_control.hpp"
 
-#include "core/base/text.hpp"
+#include "core/base/error.hpp"
 #include "core/events/event_driven.hpp"
 #include "core/scene/breakpoints.hpp"
 #include "core/solve/error_goal.hpp"
@@ -10,6 +10,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
+#include <utility>
 
 namespace bromwich {
 
@@ -25,21 +27,10 @@ double iteration_error(const std::vector<double>& history) {
 
 namespace {
 
-/// Of T: where so much is done when the operations are spent, the integration gets as many as the rest may take.
-constexpr double worth_going_on = 0.25;
-
-/// The part of [0, T] that an integration without an end has come through.
-double reached(const Result& events) {
-  Index rows = 1;  // y(0) may be open where the rest is known
-  while (rows < events.y.rows() && events.y.row(rows).allFinite()) ++rows;
-  return double(rows) / double(std::max<Index>(1, events.y.rows()));
-}
-
-Result by_grids(const Scene& scene, Backend& backend, const InnerOptions& options) {
-  Result result = GridRefinement(scene, backend, options, options.method != Method::automatic).run();
+// Where no grid was solved by a method of second order.
+Result or_by_euler(Result result, const Scene& scene, Backend& backend, const InnerOptions& options) {
   const bool failed = result.status == Status::tolerance_not_met && !result.error_estimate;
   if (options.method != Method::automatic || !failed || scene.boundary) return result;
-  // No grid was solved by a method of second order.
   note(options.log, LogLevel::info, "no grid is solved by a method of second order: implicit Euler");
   InnerOptions by_euler = options;
   by_euler.method = Method::euler;
@@ -48,6 +39,52 @@ Result by_grids(const Scene& scene, Backend& backend, const InnerOptions& option
   first_order.kernel += "; the methods of second order end with: " + result.reason;
   return first_order;
 }
+
+// Method automatic where events can be located. Both go on in turn: grids as long as they are expected to need fewer
+// operations than the located events still do.
+class EventsBesideGrids {
+ public:
+  EventsBesideGrids(const Scene& scene, Backend& backend, const InnerOptions& options)
+      : scene_(scene), backend_(backend), options_(options), grids_(scene, backend, options, false) {}
+
+  Result run() {
+    EventGoal goal = event_goal(options_, patient_events);
+    goal.budget = [this](double done, double needed) { return allowed(done, needed); };
+    EventAttempt events = try_events(scene_, backend_, options_, sizes_for(scene_, options_), goal);
+    const bool ended = events.result.status == Status::solved || events.result.status == Status::interrupted;
+    if (ended) return std::move(events.result);
+    while (!of_grids_) of_grids_ = grids_.advance();
+    Result result = or_by_euler(std::move(*of_grids_), scene_, backend_, options_);
+    if (result.status == Status::solved && events.cause && events.cause->code == NoticeCode::other_state)
+      tell(result, *events.cause);  // grids go to one of them, and may all go to the same one
+    return result;
+  }
+
+ private:
+  static constexpr double first = 4e7, more = 1.25;  ///< operations of events before grids may be tried
+  /// Of what events need: the next grid, and a march on steps of their own, which may be in vain.
+  static constexpr double share = 1.0 / 6, share_of_march = 1.0 / 3;
+
+  double allowed(double done, double needed) {
+    if (done < first) return first;
+    const auto may_pay = [&] {
+      return grids_.operations_to_goal() <= needed && grids_.operations_of_next() <= share * needed;
+    };
+    try {
+      while (!of_grids_ && !refused_ && may_pay()) of_grids_ = grids_.advance(share_of_march * needed);
+    } catch (const Error&) {  // it is thrown again where events do not solve the scene
+      refused_ = true;
+    }
+    return of_grids_ && of_grids_->status == Status::solved ? 0 : more * done;
+  }
+
+  const Scene& scene_;
+  Backend& backend_;
+  const InnerOptions& options_;
+  GridRefinement grids_;
+  std::optional<Result> of_grids_;
+  bool refused_ = false;  ///< the scene, by grids
+};
 
 }  // namespace
 
@@ -64,24 +101,10 @@ Result solve_to_tolerance(const Scene& given, Backend& backend, const InnerOptio
   const bool more = own.breakpoints.size() != given.breakpoints.size();
   own.breakpoints_are_all = more || given.breakpoints_are_all;
   const Scene& scene = more || !options.prepared->stated ? own : given;
-  if (options.method != Method::automatic || !unsuited_to_events(scene).empty())
-    return by_grids(scene, backend, options);
-  const auto by_events = [&](double most_work) {
-    return try_events(scene, backend, options, sizes_for(scene, options), event_goal(options, most_work));
-  };
-  const double quick = quick_events(scene);
-  EventAttempt events = by_events(quick);
-  const auto ended_by = [&events](NoticeCode code) { return events.cause && events.cause->code == code; };
-  if (ended_by(NoticeCode::too_many_steps) && reached(events.result) >= worth_going_on)
-    events = by_events(1.25 / worth_going_on * quick);
-  if (events.result.status == Status::solved || events.result.status == Status::interrupted) return events.result;
-  Result result = by_grids(scene, backend, options);
-  if (result.status == Status::solved && ended_by(NoticeCode::other_state))
-    tell(result, *events.cause);  // grids go to one of them, and may all go to the same one
-  if (options.max_seconds > 0 || result.status != Status::tolerance_not_met || !ended_by(NoticeCode::too_many_steps))
-    return result;
-  events = by_events(patient_events);
-  return events.result.status == Status::solved ? events.result : result;
+  if (options.method == Method::automatic && unsuited_to_events(scene).empty())
+    return EventsBesideGrids(scene, backend, options).run();
+  const bool measures = options.method != Method::automatic;
+  return or_by_euler(GridRefinement(scene, backend, options, measures).run(), scene, backend, options);
 }
 
 }  // namespace bromwich

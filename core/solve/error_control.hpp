@@ -21,8 +21,9 @@ double iteration_error(const std::vector<double>& history);
 /// memory) or further grids are of no use, and ends as tolerance_not_met with the reason. Where y may jump, a grid of
 /// 3/4 of the steps has to agree. Counts are those of the finest grid, seconds those of all.
 ///
-/// Small dense scenes with initial values are first given to event-driven integration (core/solve/event_control.hpp),
-/// whose errors are far below the tolerance; grids are for other scenes, and for those that it gives up.
+/// Small dense scenes with initial values are given to event-driven integration (core/solve/event_control.hpp), whose
+/// errors are far below the tolerance, and to grids in turn, as long as these are expected to need fewer operations
+/// than the integration still does. Grids are for other scenes, and for those that it gives up.
 Result solve_to_tolerance(const Scene&, Backend&, const InnerOptions&);
 
 /// Method events by name, to a tolerance or on one grid.

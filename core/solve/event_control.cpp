@@ -3,6 +3,7 @@
 #include "core/base/text.hpp"
 #include "core/base/timer.hpp"
 #include "core/events/collocation.hpp"
+#include "core/events/event_sources.hpp"
 #include "core/kernel/start_rounding.hpp"
 #include "core/lcp/lcp_class.hpp"
 #include "core/result/switching.hpp"
@@ -27,16 +28,17 @@ constexpr double assumed = 1e-4;           ///< the tolerance where none is give
 constexpr double nothing_known = 1;        ///< an error that is as large as the solution
 constexpr double rounding = 64 * epsilon;  ///< smaller differences say nothing
 constexpr Index most_halvings = 6;         ///< of the steps between rows
-constexpr std::size_t fewest_in_T = 32;    ///< steps, and 16 more each time: no two integrations look at the same times
 
-// Mean over time of how far y and x are from linear between the rows, relative to their sizes.
-double bend(const EventSolution& s, const Result& r, const ComponentSizes& sizes) {
+// Mean over time of how far y and x, those that are controlled, are from linear between the rows, relative to their
+// sizes.
+double bend(const EventSolution& s, const Result& r, const ComponentSizes& sizes, const EventGoal& goal) {
   const Index J = r.steps;
   Vector of_y = Vector::Zero(r.y.cols()), of_x = Vector::Zero(r.x.cols());
   for (Index j = 0; j < J; ++j) {
     const double t = (r.t[j] + r.t[j + 1]) / 2;
-    if (r.y.row(j).allFinite()) of_y += (s.y(t, true) - (r.y.row(j) + r.y.row(j + 1)).transpose() / 2).cwiseAbs();
-    if (of_x.size() > 0)
+    if (goal.of_y && r.y.row(j).allFinite())
+      of_y += (s.y(t, true) - (r.y.row(j) + r.y.row(j + 1)).transpose() / 2).cwiseAbs();
+    if (goal.of_x && of_x.size() > 0)
       of_x += (s.x(t, true)(r.x_components) - (r.x.row(j) + r.x.row(j + 1)).transpose() / 2).cwiseAbs();
   }
   const auto mean = [J](const Vector& sum, const Vector& size) {
@@ -72,8 +74,6 @@ void take_sides(const EventSolution& of_a, const EventSolution& of_b, double apa
   }
 }
 
-double longest_step(double T, std::size_t number) { return T / double(fewest_in_T + 16 * number); }
-
 // Of the first integration.
 double tolerance_for(const EventGoal& goal) {
   if (goal.first > 0) return goal.first;
@@ -81,10 +81,12 @@ double tolerance_for(const EventGoal& goal) {
 }
 
 EventSolution integrate_scene(const Scene& scene, const InnerOptions& options, LcpClass lcp_class, double tolerance,
-                              std::size_t number, double most_work, const std::shared_ptr<RegimesOfScene>& kept) {
+                              std::size_t number, double most_work, const std::shared_ptr<RegimesOfScene>& kept,
+                              const std::function<double(double, double)>& budget = {}) {
   EventOptions o;
+  o.budget = budget;
   o.tolerance = tolerance;
-  o.longest_step = longest_step(scene.T, number);
+  o.longest_step = longest_step(scene, scene.breakpoints, number);
   o.most_work = most_work;
   o.kept = kept;
   o.interrupted = options.interrupted;
@@ -142,9 +144,18 @@ class EventControl {
  private:
   bool chooses_grid() const { return goal_.tolerance > 0; }
 
-  EventSolution integrate(double tolerance, std::size_t number) const {
-    return integrate_scene(scene_, options_, lcp_class_, tolerance, number, goal_.most_work, kept_);
+  EventSolution integrate(double tolerance, std::size_t number) {
+    const auto budget = [this, before = work_](double work, double t) {
+      const double whole = work * scene_.T / std::max(t, epsilon * scene_.T);
+      const double later = tolerances_.size() < 2 ? of_finer * whole : 0;
+      return goal_.budget(before + work, whole - work + later) - before;
+    };
+    EventSolution s = integrate_scene(scene_, options_, lcp_class_, tolerance, number, goal_.most_work, kept_,
+                                      goal_.budget ? budget : std::function<double(double, double)>());
+    work_ += s.work;
+    return s;
   }
+  static constexpr double of_finer = 1.5;  ///< a finer integration beside the first, in operations
 
   static bool may_become_complete(const EventSolution& s) {
     return !s.complete && !s.interrupted && s.end != EventEnd::out_of_work;
@@ -176,16 +187,16 @@ class EventControl {
     for (Index halvings = 0; halvings < most_halvings; ++halvings) {
       rows_->fill(s, components_, false, r);
       const Index next = 2 * r.steps;
-      if (next > options_.max_steps || bend(s, r, sizes_) <= tolerance_) return;
+      if (next > options_.max_steps || bend(s, r, sizes_, goal_) <= tolerance_) return;
       rows_.emplace(scene_, backend_, next);
     }
   }
 
   // The error of the less accurate solution, in of_y_ and of_x_; the other one is returned.
   void compare(const EventSolution& coarse, EventSolution& fine) {
-    Result a, b;
+    Result a, &b = of_fine_ = {};
     rows_->fill(coarse, components_, false, a);
-    rows_->fill(fine, components_, false, b);
+    rows_->fill(fine, components_, options_.trace, b);
     take_sides(coarse, fine, tolerances_[tolerances_.size() - 2] * scene_.T, a, b);
     look_at_sizes(fine);
     fine.switches = switches_beside(fine, coarse);
@@ -259,9 +270,9 @@ class EventControl {
     return r;
   }
 
+  // The one that was compared last.
   Result finished(EventSolution s) {
-    Result r;
-    rows_->fill(s, components_, options_.trace, r);
+    Result r = std::move(of_fine_);
     describe(s, r);
     const bool unique = s.unique;
     r.located = std::make_shared<const LocatedSolution>(std::move(s));
@@ -302,7 +313,9 @@ class EventControl {
   std::vector<Index> components_;
   std::optional<EventRows> rows_;
   std::vector<double> tolerances_;  ///< of the integrations
+  double work_ = 0;                 ///< of those so far
   const std::shared_ptr<RegimesOfScene> kept_ = keep_regimes();
+  Result of_fine_;  ///< the rows of the solution that was compared last
   double of_y_ = INFINITY, of_x_ = INFINITY, doubt_ = 0;
   bool of_mean_ = false;
   std::optional<Notice> cause_, one_of_several_;
@@ -315,8 +328,6 @@ EventGoal event_goal(const InnerOptions& options, double most_work) {
   const ErrorGoal goal(options);
   return {goal.smallest(), goal.y > 0, goal.x > 0, most_work};
 }
-
-double first_longest_step(double T) { return longest_step(T, 1); }
 
 EventAttempt try_events(const Scene& scene, Backend& backend, const InnerOptions& options, const ComponentSizes& sizes,
                         const EventGoal& goal) {

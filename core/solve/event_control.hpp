@@ -19,7 +19,10 @@ struct EventGoal {
   double tolerance = 0;  ///< 0: none, and the grid is that of the options
   bool of_y = true, of_x = true;
   double most_work = 1e11;  ///< floating-point operations of each integration, about
-  double first = 0;         ///< tolerance of the first integration, see EventOptions; 0: it follows from `tolerance`
+  /// With the operations of all integrations so far and those that are still needed, by what part of the time has taken
+  /// what: the operations before it is asked again, see EventOptions. Empty: it is not asked.
+  std::function<double(double done, double needed)> budget = {};
+  double first = 0;  ///< tolerance of the first integration, see EventOptions; 0: it follows from `tolerance`
   /// From the more accurate solution: how far x (m) and y (n) are off since x0 is. Empty: x0 is exact.
   std::function<std::pair<Vector, Vector>(const EventSolution&)> error_of_start = {};
 };
@@ -29,9 +32,6 @@ inline constexpr double patient_events = 1e11;
 
 /// By the tolerances of the options.
 EventGoal event_goal(const InnerOptions&, double most_work = patient_events);
-
-/// EventOptions::longest_step of the first integration of solve_by_events.
-double first_longest_step(double T);
 
 /// A small scene by located events (core/events): two integrations, the second a thousand times as accurate. The second
 /// is returned, and its difference to the first is the estimate of its error, and of its switching times. If that is

@@ -44,10 +44,14 @@ void EventRows::fill(const EventSolution& s, const std::vector<Index>& component
     return std::binary_search(at_breakpoints_.begin(), at_breakpoints_.end(), j);
   };
   for (Index j = 1; j <= J && p_.t[j] <= s.until * (1 + 4 * epsilon) && !s.pieces.empty(); ++j) {
-    const bool left = !at_breakpoint(j) || !takes_right(s, j);
-    states_.row(j) = s.x(p_.t[j], left).transpose();
-    r.y.row(j) = s.y(p_.t[j], left).cwiseMax(0).transpose();
-    r.y_integral.row(j) = s.integral_of_y(p_.t[j], left).transpose();
+    const EventPiece& p = s.piece(p_.t[j], !at_breakpoint(j) || !takes_right(s, j));
+    const double at = (std::clamp(p_.t[j], p.begin, p.end) - p.begin) / p.length;
+    const LegendreValues values = legendre(at);
+    states_.row(j).noalias() = values.transpose() * p.x;
+    r.y.row(j).noalias() = values.transpose() * p.y;
+    r.y_integral.row(j).noalias() = (p.length * legendre_integrals(at)).transpose() * p.y;
+    r.y_integral.row(j) += p.integral.transpose();
+    r.y.row(j) = r.y.row(j).cwiseMax(0);
   }
   if (!remembers) solve_at_own_values(p_.scene, p_.lcp_class, at_breakpoints_, states_, p_.t, r.y);
   r.modes = modes_of_rows();

@@ -6,6 +6,7 @@
 #include "core/base/text.hpp"
 #include "core/solve/adapted_march.hpp"
 #include "core/solve/beside_march.hpp"
+#include "core/solve/cost.hpp"
 #include "core/solve/methods.hpp"
 
 #include <algorithm>
@@ -48,71 +49,98 @@ GridRefinement::GridRefinement(const Scene& scene, Backend& backend, const Inner
       goal_(options),
       sizes_(sizes_for(scene, options)),
       expected_(std::max({options.steps, scene.steps(), Index(scene.breakpoints.size())})),
+      next_(first_grid(scene, options)),
       tried_reference_(!measures),
       share_(algebraic_share),
       last_change_(options.iteration_tolerance) {}
 
 Result GridRefinement::run() {
-  Result result = until_stopped();
-  if (!options_.trace) result.trace.resize(0, 0);
-  return result;
+  for (;;)
+    if (std::optional<Result> result = advance()) return std::move(*result);
 }
 
-Result GridRefinement::until_stopped() {
+std::optional<Result> GridRefinement::advance(double most_operations) {
+  std::optional<Result> result;
   try {
-    return refine();
+    result = next_grid(most_operations);
   } catch (const Interrupted&) {  // between grids: the last one that was solved is there
     if (!solved_) throw;
     if (!solved_->errors) solved_->errors.emplace().tolerance = goal_.smallest();
-    return ended(why_interrupted(), Status::interrupted);
+    result = ended(why_interrupted(), Status::interrupted);
   }
+  if (result && !options_.trace) result->trace.resize(0, 0);
+  return result;
 }
 
-Result GridRefinement::refine() {
-  for (Index J = first_grid(scene_, options_);; J *= 2) {
-    if (const std::string budget = grids_.empty() ? "" : spent(J); !budget.empty()) return ended(budget);
-    Result next;
-    try {
-      next = solve_on(J);
-    } catch (const Error& error) {  // the first grid says what is wrong with the input
-      if (error.kind() == ErrorKind::device || error.kind() == ErrorKind::internal) throw;
-      if (grids_.empty()) throw;
-      return ended(std::string("the next grid is refused: ") + error.what());
-    }
-    const bool resolved = J >= expected_ && share_ > 0;
-    if (resolved && next.status == Status::tolerance_not_met && next.algebraic_error.value_or(0) > 0) {
-      share_ = 0;  // its cycles may have ended too early
-      next = solve_on(J);
-    }
-    add_grid(J);
-    if (next.status != Status::solved) {
-      note(options_.log, LogLevel::info, "%s on %ld steps: %s, %s", to_string(next.method), long(J),
-           to_string(next.status), next.reason.c_str());
-      if (is_final(next)) return ended_by(next);
-      failed_ = std::move(next);
-      convergence_.reset();
-      continue;
-    }
-    take(next);
-    if (!reference_) iterate_on();
-    std::optional<std::string> end = verdict();
-    if (end && end->empty() && !reference_ && !holds_inside()) end = std::nullopt;
-    const bool done = end && end->empty();
-    if (!reference_ && (done ? convergence_->wants_check() : hangs_on_check())) {
-      check();
-      unchecked_ = unchecked_ && done;
-      end = verdict();
-    }
-    if (end && end->empty() && !reference_ && misses_inside()) {
-      check_beside_march();
-      end = verdict();
-    }
-    note(options_.log, LogLevel::info, "%s on %ld steps: error %s, tolerance %.3g", to_string(solved_->method), long(J),
-         solved_->error_estimate ? text("about %.2e", *solved_->error_estimate).c_str() : "not known yet",
-         goal_.smallest());
-    if (end) return ended(*end);
-    if (std::optional<Result> adapted = on_tree()) return std::move(*adapted);
+std::optional<Result> GridRefinement::next_grid(double most_operations) {
+  const Index J = std::exchange(next_, 2 * next_);
+  if (const std::string budget = grids_.empty() ? "" : spent(J); !budget.empty()) return ended(budget);
+  Result next;
+  try {
+    next = solve_on(J);
+  } catch (const Error& error) {  // the first grid says what is wrong with the input
+    if (error.kind() == ErrorKind::device || error.kind() == ErrorKind::internal) throw;
+    if (grids_.empty()) throw;
+    return ended(std::string("the next grid is refused: ") + error.what());
   }
+  const bool resolved = J >= expected_ && share_ > 0;
+  if (resolved && next.status == Status::tolerance_not_met && next.algebraic_error.value_or(0) > 0) {
+    share_ = 0;  // its cycles may have ended too early
+    next = solve_on(J);
+  }
+  add_grid(J);
+  if (next.status != Status::solved) {
+    note(options_.log, LogLevel::info, "%s on %ld steps: %s, %s", to_string(next.method), long(J),
+         to_string(next.status), next.reason.c_str());
+    if (is_final(next)) return ended_by(next);
+    failed_ = std::move(next);
+    convergence_.reset();
+    return std::nullopt;
+  }
+  take(next);
+  if (const std::optional<std::string> end = judgement()) return ended(*end);
+  return on_tree(most_operations);
+}
+
+// The verdict, with the checks that it asks for.
+std::optional<std::string> GridRefinement::judgement() {
+  if (!reference_) iterate_on();
+  std::optional<std::string> end = verdict();
+  if (end && end->empty() && !reference_ && !holds_inside()) end = std::nullopt;
+  const bool done = end && end->empty();
+  if (!reference_ && (done ? convergence_->wants_check() : hangs_on_check())) {
+    check();
+    unchecked_ = unchecked_ && done;
+    end = verdict();
+  }
+  if (end && end->empty() && !reference_ && misses_inside()) {
+    check_beside_march();
+    end = verdict();
+  }
+  note(options_.log, LogLevel::info, "%s on %ld steps: error %s, tolerance %.3g", to_string(solved_->method),
+       long(solved_->steps),
+       solved_->error_estimate ? text("about %.2e", *solved_->error_estimate).c_str() : "not known yet",
+       goal_.smallest());
+  return end;
+}
+
+// Steps of small problems take as long as so many operations beside those that are counted, and beside breakpoints
+// there are steps of lengths of their own, each with its matrices.
+double GridRefinement::operations(Index J) const {
+  constexpr double of_step = 4000, of_breakpoint = 34, of_matrices = 10;
+  const double size = double(scene_.states() + 2 * scene_.constraints());
+  return predicted_cost(scene_, Method::march, J, 0).operations + of_step * double(J) +
+         of_breakpoint * double(scene_.breakpoints.size()) * (of_step + of_matrices * size * size * size);
+}
+
+// By the order of the last grids, at most that of the methods.
+double GridRefinement::operations_to_goal() const {
+  constexpr double most = 2, least = 0.25;
+  const double error = solved_ ? solved_->error_estimate.value_or(NAN) : NAN;
+  if (!(error > goal_.smallest())) return operations(next_);
+  const double before = estimates_.size() > 1 ? estimates_[estimates_.size() - 2] : NAN;
+  const double order = before > 0 ? std::clamp(std::log2(before / error), least, most) : most;
+  return operations(next_) * std::max(1.0, std::pow(error / goal_.smallest(), 1 / order) - 1);
 }
 
 std::string GridRefinement::spent(Index J) const {
@@ -126,16 +154,22 @@ std::string GridRefinement::spent(Index J) const {
   return "";
 }
 
-std::optional<Result> GridRefinement::on_tree() {
+std::optional<Result> GridRefinement::on_tree(double most_operations) {
+  constexpr double of_leaf = 10;  // operations, beside those of a step of equal length
+  constexpr Index more = 4;       // steps than before, or no other attempt is made
   const bool march = options_.method == Method::march || options_.method == Method::automatic;
-  if (tried_tree_ || !march || solved_->method != Method::march || solved_->impacts) return std::nullopt;
+  if (!march || solved_->method != Method::march || solved_->impacts) return std::nullopt;
   if (solved_->starts_with_impulse || solved_->magnification > most_growth) return std::nullopt;
-  tried_tree_ = true;
+  InnerOptions limited = options_;
+  const double most = most_operations / (of_leaf * (operations(2) - operations(1)));
+  if (most < double(limited.max_steps)) limited.max_steps = Index(most);
+  if (limited.max_steps < std::max(2 * expected_, more * tried_tree_)) return std::nullopt;
+  tried_tree_ = limited.max_steps;
   if (const std::string why = unsuited_to_radau_steps(scene_); !why.empty()) {
     note(options_.log, LogLevel::debug, "equal steps: %s", why.c_str());
     return std::nullopt;
   }
-  std::optional<Result> result = march_to_tolerance(scene_, options_, expected_, *solved_);
+  std::optional<Result> result = march_to_tolerance(scene_, limited, expected_, *solved_);
   const double spent = clock_.lap();
   elapsed_ += spent;
   if (!result) return std::nullopt;

@@ -24,17 +24,24 @@ class GridRefinement {
   GridRefinement(const Scene& scene, Backend& backend, const InnerOptions& options, bool measures);
 
   Result run();
+  /// Another grid, and where it serves a march on steps of their own, with about that many operations at most: the
+  /// result, or nothing where it is not the last.
+  std::optional<Result> advance(double most_operations = INFINITY);
+  /// Operations that grids need, about, as far as their errors say; `of_next`: those of the next alone.
+  double operations_to_goal() const;
+  double operations_of_next() const { return operations(next_); }
 
  private:
   static constexpr double accepted = 0.8;        ///< of the tolerance
   static constexpr double left_by_cycles = 0.1;  ///< of the tolerance: more sweeps on the same grid reduce larger ones
 
-  Result until_stopped();
-  Result refine();
+  std::optional<Result> next_grid(double most_operations);
+  double operations(Index J) const;
+  std::optional<std::string> judgement();
   /// Which budget a grid of J steps would exceed; empty: none.
   std::string spent(Index J) const;
-  /// Method march with steps of their own for all parts of the time, once.
-  std::optional<Result> on_tree();
+  /// Method march with steps of their own for all parts of the time, once, or again with more operations.
+  std::optional<Result> on_tree(double most_operations);
   void add_grid(Index J) {
     grids_.push_back(J);
     estimates_.push_back(NAN);
@@ -97,11 +104,12 @@ class GridRefinement {
   const ErrorGoal goal_;
   const ComponentSizes sizes_;
   const Index expected_;  ///< steps with which the scene is meant to be solved
+  Index next_;            ///< steps of the next grid
   std::vector<Index> grids_;
   std::vector<double> estimates_;           ///< of grids_
   std::optional<Result> solved_, failed_;   ///< the last grid of each kind; failed_ only if it is the last of all
   std::optional<Convergence> convergence_;  ///< of the grids that the method of solved_ has solved
-  bool tried_tree_ = false;
+  Index tried_tree_ = 0;                    ///< steps that it had at most
   bool tried_reference_;
   std::optional<EventReference> reference_;
   bool unchecked_ = false;                 ///< the grid that checks the last one could not

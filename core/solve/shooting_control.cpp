@@ -2,6 +2,7 @@
 
 #include "core/base/text.hpp"
 #include "core/base/timer.hpp"
+#include "core/events/event_sources.hpp"
 #include "core/galerkin/checks.hpp"
 #include "core/lcp/lcp_class.hpp"
 #include "core/result/notice.hpp"
@@ -39,7 +40,7 @@ double residual_of(const BoundaryCondition& c, const Vector& first, const Vector
 ShootingSolution shoot(const Scene& scene, const InnerOptions& options, double tolerance, const Vector& start) {
   ShootingOptions o;
   o.events.tolerance = tolerance;
-  o.events.longest_step = first_longest_step(scene.T);
+  o.events.longest_step = longest_step(scene, scene.breakpoints, 1);
   o.events.interrupted = options.interrupted;
   o.start = start;
   return shoot_on_events(scene, selection_class(scene.M, scene.lcp_class), scene.breakpoints, o);
