@@ -85,7 +85,7 @@ class ImpactSteps {
   Event first_event(const SmoothSources&, double from, double d, const Part&);
   bool turns_far(const SmoothSources&, double from, double d, const Part&) const;
   double first_turn(const SmoothSources&, double from, double d, const Look& begin, const Look& end, const Part&);
-  void follow_idle(const SmoothSources&, double s, Part&) const;
+  Vector slips(const SmoothSources&, double s, const Vector& x) const;
   void show_given_bounds(const SmoothSources&, double s, Part&) const;
   Vector y_at_begin(const SmoothSources&, const Part&) const;
   Vector falling(const SmoothSources&, double s) const;
