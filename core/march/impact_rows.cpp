@@ -119,6 +119,23 @@ std::vector<Index> ImpactRows::acting(const std::vector<char>& closed, const Vec
   return rows;
 }
 
+std::vector<Index> ImpactRows::reached(const std::vector<Index>& rows, const std::vector<Index>& struck) const {
+  const auto joined = [&](Index k, Index l) {
+    const Index i = rows[std::size_t(k)], j = rows[std::size_t(l)];
+    return impulses(i, j) != 0 || impulses(j, i) != 0;
+  };
+  std::vector<Index> found;
+  for (const auto& members : connected_components(Index(rows.size()), joined, [](Index, Index) {})) {
+    const auto is_struck = [&](Index k) {
+      return std::find(struck.begin(), struck.end(), rows[std::size_t(k)]) != struck.end();
+    };
+    if (std::none_of(members.begin(), members.end(), is_struck)) continue;
+    for (const Index k : members) found.push_back(rows[std::size_t(k)]);
+  }
+  std::sort(found.begin(), found.end());
+  return found;
+}
+
 Vector ImpactRows::touching(const Vector& x, const Vector& g) const {
   constexpr double of_terms = 1e-9, of_states = 1e-12;
   const Vector size = x.cwiseAbs();

@@ -51,6 +51,8 @@ struct ImpactRows {
   /// Rows of problems with these gaps closed. Friction of open contacts has none. `bounds`: means of g over a part, or
   /// null for impulses, which springs and a given bound do not take.
   std::vector<Index> acting(const std::vector<char>& closed, const Vector* bounds) const;
+  /// Those of these rows that impulses on `struck`, some of them, reach.
+  std::vector<Index> reached(const std::vector<Index>& rows, const std::vector<Index>& struck) const;
   /// n: what counts as 0 of the gaps of a state that is given, as rounding of g and of the states.
   Vector touching(const Vector& x, const Vector& g) const;
   /// Whether a problem of velocities has one solution: its limit for small parts is of class P, with any larger

@@ -60,7 +60,7 @@ bool ImpactSteps::pass(const SmoothSources& now) {
   for (Index count = 0; from < now.length - same_time * h_; ++count) {
     const double d = now.length - from;
     rests_ = false;
-    if (count == most_parts || !take(now, from, d, part)) return false;
+    if (count == most_parts * y_.size() || !take(now, from, d, part)) return false;
     Event event = first_event(now, from, d, part);
     if (event.rests && !cones_among(part.rows).empty()) {
       rests_ = true;
@@ -148,10 +148,12 @@ bool ImpactSteps::solve_part(double d, const std::vector<Index>& rows, const Vec
                              ImpactSolution& found) {
   if (std::abs(d - h_) > 1e-12 * h_) {
     ImpactProblem once = problem(d, rows);
+    once.start_from(y_(rows));
     return solve(once, q, slides, found);
   }
   if (!kept_ || rows != kept_rows_) {
     kept_.emplace(problem(h_, rows));
+    kept_->start_from(y_(rows));
     kept_rows_ = rows;
   }
   return solve(*kept_, q, slides, found);
@@ -232,13 +234,13 @@ bool ImpactSteps::is_brief(double speed, double falls) const { return 2 * speed 
 bool ImpactSteps::strike(const SmoothSources& now, double s, const std::vector<Index>& gaps) {
   const Look before = look(now, s, x_, y_);
   const Vector zero = no_speed * before.size_of_slope;
-  bool strikes = false;
+  std::vector<Index> struck;
   for (const Index i : gaps) {
     closed_[std::size_t(i)] = 1;
-    strikes = strikes || before.slope[i] < -zero[i];
+    if (before.slope[i] < -zero[i]) struck.push_back(i);
   }
-  if (!strikes) return true;
-  const std::vector<Index> rows = rows_.acting(closed_, nullptr);
+  if (struck.empty()) return true;
+  const std::vector<Index> rows = rows_.reached(rows_.acting(closed_, nullptr), struck);
   const Vector falls = falling(now, s);
   Vector q(Index(rows.size())), bounce = Vector::Zero(y_.size());
   for (Index k = 0; k < q.size(); ++k) {

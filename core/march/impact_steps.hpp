@@ -7,8 +7,8 @@
 // with the closed contacts alone, so that their speeds vanish at the end or they open. Positions are put back onto the
 // closed contacts, from which they are off by the cube of the part. Where a contact closes, the same problem with
 // D = B has the impulses p as unknowns and Newton's law: w'+ + e w'- >= 0. What is left behind of y is part of it, and
-// complementary to M p. Where a contact that parts would be back within an eighth of a step, it stays closed: it would
-// rise by less than the square of the step. Friction on circles has another direction at the end of a part than at its
+// complementary to M p. Where a contact that parts would be back within a small part of a step, it stays closed: bounces
+// end in rest. Friction on circles has another direction at the end of a part than at its
 // begin: its impulse is the mean of both (impact_problem.hpp).
 
 #include "../lcp/march_report.hpp"
@@ -100,11 +100,11 @@ class ImpactSteps {
   static constexpr double same_time = 1e-9;         ///< of a step: contacts that close at once
   static constexpr double brief_turn = 1e-6;        ///< of a step: sliding that ends so early has ended there before
   static constexpr double shorter = 64;             ///< parts for the forces while sliding goes on
-  static constexpr double shortest_flight = 0.125;  ///< of a step, of a bounce that another one follows
+  static constexpr double shortest_flight = 1.0 / 512;  ///< of a step, of a bounce that another one follows
   static constexpr double kink = 1e-3;        ///< of the slopes of g, which parabolas know up to the square of a step
   static constexpr double most_turn = 0.995;  ///< cosine of the angle by which sliding turns on a part, 0.1 radians
   static constexpr double shortest_turn = 1e-3;  ///< of a step: shorter parts are not divided for that
-  static constexpr Index most_parts = 1024;      ///< of a step
+  static constexpr Index most_parts = 1024;      ///< of a step and row: more than flights of one contact
   static double value(const Matrix& c, Index i, double s) { return c(i, 0) + s * (c(i, 1) + s * c(i, 2)); }
   static Vector values(const Matrix& c, double s) { return c.col(0) + s * (c.col(1) + s * c.col(2)); }
   static Vector slopes(const Matrix& c, double s) { return c.col(1) + 2 * s * c.col(2); }
