@@ -7,9 +7,9 @@
 // with the closed contacts alone, so that their speeds vanish at the end or they open. Positions are put back onto the
 // closed contacts, from which they are off by the cube of the part. Where a contact closes, the same problem with
 // D = B has the impulses p as unknowns and Newton's law: w'+ + e w'- >= 0. What is left behind of y is part of it, and
-// complementary to M p. Where a contact that parts would be back within a small part of a step, it stays closed: bounces
-// end in rest. Friction on circles has another direction at the end of a part than at its
-// begin: its impulse is the mean of both (impact_problem.hpp).
+// complementary to M p. Where a contact that parts would be back within a small part of a step, it stays closed:
+// bounces end in rest. Friction on circles has another direction at the end of a part than at its begin: its impulse is
+// the mean of both (impact_problem.hpp).
 
 #include "../lcp/march_report.hpp"
 #include "bromwich/result.hpp"
@@ -95,11 +95,11 @@ class ImpactSteps {
   void put_back(const SmoothSources&, double s, const std::vector<Index>& more);
 
   // Of steps, sizes of terms and sources.
-  static constexpr double no_speed = 1e-11;         ///< of the terms of w': less is no speed
-  static constexpr double at_bound = 1e-9;          ///< of the bound of friction: less than that below it slips
-  static constexpr double same_time = 1e-9;         ///< of a step: contacts that close at once
-  static constexpr double brief_turn = 1e-6;        ///< of a step: sliding that ends so early has ended there before
-  static constexpr double shorter = 64;             ///< parts for the forces while sliding goes on
+  static constexpr double no_speed = 1e-11;   ///< of the terms of w': less is no speed
+  static constexpr double at_bound = 1e-9;    ///< of the bound of friction: less than that below it slips
+  static constexpr double same_time = 1e-9;   ///< of a step: contacts that close at once
+  static constexpr double brief_turn = 1e-6;  ///< of a step: sliding that ends so early has ended there before
+  static constexpr double shorter = 64;       ///< parts for the forces while sliding goes on
   static constexpr double shortest_flight = 1.0 / 512;  ///< of a step, of a bounce that another one follows
   static constexpr double kink = 1e-3;        ///< of the slopes of g, which parabolas know up to the square of a step
   static constexpr double most_turn = 0.995;  ///< cosine of the angle by which sliding turns on a part, 0.1 radians
