@@ -18,27 +18,36 @@ namespace {
 
 constexpr double most_certified_operations = 2e9;  ///< of a pass over the state; beyond, no magnification is computed
 
-// dz_j = T dz_{j-1} and dy = K dz_{j-1} for the active set of a row of y.
+// dz_j = T dz_{j-1} and dy = K dz_{j-1} for the active set of a row of y. T and K are formed where a set stays for
+// another row.
 class TangentStep {
  public:
-  TangentStep(const DiscreteProblem& p, const DenseRecurrence& r)
-      : r_(r),
-        response_(to_dense(p.scene.M) + r.w0),
-        map(r.decay),
-        gain(Matrix::Zero(r.output.rows(), r.decay.rows())) {}
+  TangentStep(const DiscreteProblem& p, const DenseRecurrence& r) : r_(r), response_(to_dense(p.scene.M) + r.w0) {}
 
   void take(const Eigen::Ref<const Vector>& y) {
-    if (!response_.take(y)) return;
-    gain = response_.to_columns(r_.output);
-    map = r_.decay + r_.input * gain;
+    const bool other = response_.take(y);
+    if (!other && map_.size() > 0) return;
+    map_.resize(0, 0);
+    if (other) return;
+    gain_ = response_.to_columns(r_.output);
+    map_ = r_.decay + r_.input * gain_;
+  }
+
+  void apply(const Vector& dz, Vector& next, Vector& dy) {
+    if (map_.size() > 0) {
+      dy.noalias() = gain_ * dz;
+      next.noalias() = map_ * dz;
+    } else {
+      dy = response_.to(r_.output * dz);
+      next.noalias() = r_.decay * dz;
+      next.noalias() += r_.input * dy;
+    }
   }
 
  private:
   const DenseRecurrence& r_;
   ActiveResponse response_;
-
- public:
-  Matrix map, gain;
+  Matrix map_, gain_;  ///< map_ empty: not formed
 };
 
 // Numbers in [-1, 1] without a pattern, the same in every run.
@@ -147,8 +156,8 @@ class Growth {
   Growth(const Vector& first, const ScaledNorm& norm)
       : norm_(norm), start_(norm(first) > 0 ? Vector(first / norm(first)) : first), dz_(start_), next_(first.size()) {}
 
-  void step(const Matrix& map) {
-    next_.noalias() = map * dz_;
+  void step(TangentStep& tangent) {
+    tangent.apply(dz_, next_, dy_);
     dz_.swap(next_);
     size_ = norm_(dz_);
     if (size_ < 1e-14) {  // the perturbation is gone, what is left of it is rounding: another one starts
@@ -172,7 +181,7 @@ class Growth {
 
  private:
   const ScaledNorm& norm_;
-  Vector start_, dz_, next_;
+  Vector start_, dz_, next_, dy_;
   double size_ = 1;
   std::vector<double> sizes_;  ///< the growth in each step; 0: nothing of it arrives
 };
@@ -257,11 +266,10 @@ Magnification magnification(const DiscreteProblem& p, Rule rule, const RowMatrix
   for (Index j = 1; j <= p.J; ++j) {
     if (!rows.holds(j)) rows.go_to(j);
     tangent.take(y.row(j).transpose());
-    output.noalias() = tangent.gain * error;
+    tangent.apply(error, next, output);
     if (n > 0) result.output = std::max(result.output, rounding_margin * output.cwiseAbs().maxCoeff());
-    next.noalias() = tangent.map * error;
     error = next + rows.rounded.row(rows.place(j)).transpose();
-    growth.step(tangent.map);
+    growth.step(tangent);
     size = std::max(size, norm(x.row(j).transpose()) + norm(rows.terms.row(rows.place(j)).transpose()));
     if (j < p.J && (!same_set(y, j, j - 1) || !same_set(y, j, j + 1))) unresolved.push_back(j);
     result.rounding = std::max(result.rounding, size > 0 ? rounding_margin * norm(error) / size : 0);

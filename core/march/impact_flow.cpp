@@ -17,6 +17,19 @@ double norm(const SparseMatrix& A) {
 
 double largest(const Matrix& X) { return X.size() > 0 ? X.cwiseAbs().maxCoeff() : 0; }
 
+// Of the polynomial of each entry, beside the largest of its row and of its column.
+Matrix significant_terms(const std::vector<Matrix>& coefficients) {
+  Matrix size = Matrix::Zero(coefficients[0].rows(), coefficients[0].cols()), terms = size;
+  for (const Matrix& c : coefficients) size = size.cwiseMax(c.cwiseAbs());
+  const Vector of_row = size.rowwise().maxCoeff(), of_column = size.colwise().maxCoeff();
+  for (std::size_t k = 0; k < coefficients.size(); ++k)
+    for (Index c = 0; c < size.cols(); ++c)
+      for (Index r = 0; r < size.rows(); ++r)
+        if (std::abs(coefficients[k](r, c)) > epsilon / 64 * std::min(of_row[r], of_column[c]))
+          terms(r, c) = double(k) + 1;
+  return terms;
+}
+
 // The terms of x are a_k d^k with a_{k+1} = (A a_k + c_k) / (k + 1). `seen`: by C, all of them.
 struct SeenTerms {
   const SparseMatrix& C;
@@ -73,6 +86,7 @@ ImpactResponse::ImpactResponse(const ImpactFlow& flow, const SparseMatrix& B, co
     expand(flow.matrix(), length_, input, X, &seen);
     Matrix& entries = entries_.emplace_back(Index(seen.values.size()), C.rows() * B.cols());
     for (std::size_t k = 0; k < seen.values.size(); ++k) entries.row(Index(k)) = seen.values[k].reshaped().transpose();
+    terms_.push_back(significant_terms(seen.values));
   }
 }
 
@@ -81,8 +95,8 @@ double ImpactResponse::at(double d, Index row, Index column) const {
   const std::size_t piece = std::min(std::size_t(pieces), entries_.size() - 1);
   const auto c = entries_[piece].col(column * outputs_ + row);
   const double s = pieces - double(piece);
-  double sum = c[c.size() - 1];
-  for (Index k = c.size() - 2; k >= 0; --k) sum = sum * s + c[k];
+  double sum = 0;
+  for (Index k = Index(terms_[piece](row, column)) - 1; k >= 0; --k) sum = sum * s + c[k];
   return sum / d;
 }
 

@@ -40,6 +40,7 @@ class ImpactResponse {
   double length_;                ///< of a piece
   Index outputs_;                ///< rows of C
   std::vector<Matrix> entries_;  ///< of each piece: coefficients x (entries, column by column), of d C D(d)
+  std::vector<Matrix> terms_;    ///< of each piece: outputs x inputs, how many coefficients are more than rounding
 };
 
 }  // namespace bromwich

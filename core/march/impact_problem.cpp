@@ -85,6 +85,10 @@ ImpactProblem::ImpactProblem(Matrix W, std::vector<ImpactCone> cones) : W_(std::
   if (!orthant_.empty()) lcp_.emplace(W_(orthant_, orthant_), LcpClass::unknown);
 }
 
+void ImpactProblem::start_from(const Vector& z) {
+  if (lcp_) lcp_->start_from(z(orthant_));
+}
+
 ImpactSolution ImpactProblem::solve(const Vector& q, const Matrix& slides) {
   ImpactSolution found = cones_.empty() ? solve_impact_problem(*lcp_, W_, q) : over_cones(q, slides);
   if (found.at_end.size() == 0) found.at_end = found.z;

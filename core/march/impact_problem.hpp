@@ -33,6 +33,9 @@ class ImpactProblem {
  public:
   ImpactProblem(Matrix W, std::vector<ImpactCone> cones);
 
+  /// The next problem starts from the active set {z > 0}.
+  void start_from(const Vector& z);
+
   /// `slides`, 2 x cones, or empty: directions in which contacts slide at the begin of a part, or 0. Their friction is
   /// the mean of that of the begin and that of the end, which has order 2 where directions turn.
   ImpactSolution solve(const Vector& q, const Matrix& slides = {});

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace bromwich {
 
@@ -35,7 +36,7 @@ bool fits_cone(const ImpactRows& r, const FrictionCone& cone) {
          r.is(cone.first + 2, Kind::speed);
 }
 
-// Whether all rows are of the three kinds, and at least one is a gap or of a circle.
+// Whether all rows are of these kinds, and at least one is a gap or of a circle.
 bool take_kinds(ImpactRows& r) {
   const Index n = r.constraints();
   const Matrix terms = Matrix(SparseMatrix(r.N.cwiseAbs() * r.B.cwiseAbs())), accelerations = Matrix(r.NA * r.B);
@@ -46,15 +47,17 @@ bool take_kinds(ImpactRows& r) {
   for (Index i = 0; i < n; ++i) {
     Vector of_forces = r.M.row(i).transpose(), of_others = of_forces;
     for (Index j = 0; j < n; ++j) (r.is_force[std::size_t(j)] ? of_others : of_forces)[j] = 0;
-    const bool rigid = r.M.row(i).isZero(0) && r.NB.row(i).isZero(0);
+    const double own = std::exchange(of_forces[i], 0);
+    const bool of_position = r.NB.row(i).isZero(0) && of_others.isZero(0) && of_forces.isZero(0);
     Kind kind = Kind::speed;
     if (of_N[i] == 0)
       kind = Kind::room;
-    else if (rigid)
-      kind = Kind::gap;
-    const bool fits = kind == Kind::room  ? of_others.isZero(0) && !r.is_force[std::size_t(i)]
-                      : kind == Kind::gap ? accelerations(i, i) > 0 && r.is_force[std::size_t(i)]
-                                          : of_forces.isZero(0) && r.is_force[std::size_t(i)];
+    else if (of_position)
+      kind = own > 0 ? Kind::spring : Kind::gap;
+    const bool force = r.is_force[std::size_t(i)];
+    const bool fits = kind == Kind::room    ? of_others.isZero(0) && !force
+                      : kind == Kind::speed ? own == 0 && of_forces.isZero(0) && force
+                                            : own >= 0 && accelerations(i, i) > 0 && force;
     r.kind.push_back(kind);
     if (!fits && !r.in_cone[std::size_t(i)]) return false;
   }
@@ -102,10 +105,10 @@ bool take_displacements(ImpactRows& r) {
 
 std::vector<Index> ImpactRows::acting(const std::vector<char>& closed, const Vector* bounds) const {
   std::vector<char> acts(kind.size());
-  for (std::size_t i = 0; i < kind.size(); ++i) acts[i] = kind[i] != Kind::gap || closed[i];
+  for (std::size_t i = 0; i < kind.size(); ++i)
+    acts[i] = kind[i] == Kind::gap ? closed[i] : kind[i] != Kind::spring || bounds;
   for (const Friction& f : friction) {
-    const bool driven =
-        std::any_of(f.normals.begin(), f.normals.end(), [&](Index i) { return closed[std::size_t(i)]; });
+    const bool driven = std::any_of(f.normals.begin(), f.normals.end(), [&](Index i) { return acts[std::size_t(i)]; });
     if (driven || (bounds && f.room >= 0 && (*bounds)[f.room] != 0)) continue;
     if (f.room >= 0) acts[std::size_t(f.room)] = 0;
     for (const Index j : f.forces) acts[std::size_t(j)] = 0;
@@ -114,6 +117,23 @@ std::vector<Index> ImpactRows::acting(const std::vector<char>& closed, const Vec
   for (std::size_t i = 0; i < acts.size(); ++i)
     if (acts[i]) rows.push_back(Index(i));
   return rows;
+}
+
+std::vector<Index> ImpactRows::reached(const std::vector<Index>& rows, const std::vector<Index>& struck) const {
+  const auto joined = [&](Index k, Index l) {
+    const Index i = rows[std::size_t(k)], j = rows[std::size_t(l)];
+    return impulses(i, j) != 0 || impulses(j, i) != 0;
+  };
+  std::vector<Index> found;
+  for (const auto& members : connected_components(Index(rows.size()), joined, [](Index, Index) {})) {
+    const auto is_struck = [&](Index k) {
+      return std::find(struck.begin(), struck.end(), rows[std::size_t(k)]) != struck.end();
+    };
+    if (std::none_of(members.begin(), members.end(), is_struck)) continue;
+    for (const Index k : members) found.push_back(rows[std::size_t(k)]);
+  }
+  std::sort(found.begin(), found.end());
+  return found;
 }
 
 Vector ImpactRows::touching(const Vector& x, const Vector& g) const {
@@ -163,10 +183,12 @@ std::optional<ImpactRows> impact_rows(const Scene& scene) {
   if (!take_kinds(r)) return std::nullopt;
   take_friction(r);
   if (!take_displacements(r)) return std::nullopt;
-  Vector gaps(r.constraints());
-  for (Index i = 0; i < gaps.size(); ++i) gaps[i] = r.is(i, Kind::gap);
-  const Vector others = Vector::Ones(gaps.size()) - gaps;
-  r.speeds = SparseMatrix(gaps.asDiagonal() * r.NA) + SparseMatrix(others.asDiagonal() * r.N);
+  Vector of_A(r.constraints()), of_N(r.constraints());
+  for (Index i = 0; i < of_A.size(); ++i) {
+    of_A[i] = r.is(i, Kind::gap);
+    of_N[i] = r.is(i, Kind::spring) ? 0.5 : 1 - of_A[i];
+  }
+  r.speeds = SparseMatrix(of_A.asDiagonal() * r.NA) + SparseMatrix(of_N.asDiagonal() * r.N);
   r.impulses = r.M + Matrix(r.speeds * r.B);
   return r;
 }

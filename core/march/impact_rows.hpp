@@ -8,6 +8,8 @@
 //     speed   N x + M y + g, M of forces 0   0 <= z  ⊥  w                           sliding, relays
 //     room    M y + g, M of others 0         0 <= z  ⊥  M z + d (mean of g)         what is left of the bound of
 //     friction
+//     spring  N x + M y + g, N B = 0,        0 <= z  ⊥  M z / d + mean of both ends of N x + g
+//             M diagonal                     contacts with a stiffness, which take no impulses
 //
 // Rows of friction on a circle are a gap, or a room for a bound that is given, and two speeds; their z is in a cone.
 // x at the end is x_free + D z, so that the matrix M + [N A; N; 0] D has a limit as d -> 0: that of impulses.
@@ -20,14 +22,14 @@
 namespace bromwich {
 
 struct ImpactRows {
-  enum class Kind : char { gap, speed, room };
+  enum class Kind : char { gap, speed, room, spring };
 
   Index states() const { return A.rows(); }
   Index constraints() const { return M.rows(); }
   bool is(Index i, Kind k) const { return kind[std::size_t(i)] == k; }
 
   SparseMatrix A, B, N, NA;  ///< NA = N A
-  SparseMatrix speeds;       ///< N A for gaps, N for the others
+  SparseMatrix speeds;       ///< N A for gaps, N / 2 for springs, N for the others
   SparseMatrix onto;  ///< m x n: displacements that open gaps, in the direction of normal forces without friction
   Matrix M, NB;       ///< n x n; rows of gaps of NB are zero
   Matrix impulses;    ///< n x n: of problems of length 0, M + speeds B
@@ -47,8 +49,10 @@ struct ImpactRows {
   std::vector<char> in_cone;  ///< n
 
   /// Rows of problems with these gaps closed. Friction of open contacts has none. `bounds`: means of g over a part, or
-  /// null for impulses, which a given bound does not take.
+  /// null for impulses, which springs and a given bound do not take.
   std::vector<Index> acting(const std::vector<char>& closed, const Vector* bounds) const;
+  /// Those of these rows that impulses on `struck`, some of them, reach.
+  std::vector<Index> reached(const std::vector<Index>& rows, const std::vector<Index>& struck) const;
   /// n: what counts as 0 of the gaps of a state that is given, as rounding of g and of the states.
   Vector touching(const Vector& x, const Vector& g) const;
   /// Whether a problem of velocities has one solution: its limit for small parts is of class P, with any larger

@@ -60,7 +60,7 @@ bool ImpactSteps::pass(const SmoothSources& now) {
   for (Index count = 0; from < now.length - same_time * h_; ++count) {
     const double d = now.length - from;
     rests_ = false;
-    if (count == most_parts || !take(now, from, d, part)) return false;
+    if (count == most_parts * y_.size() || !take(now, from, d, part)) return false;
     Event event = first_event(now, from, d, part);
     if (event.rests && !cones_among(part.rows).empty()) {
       rests_ = true;
@@ -79,9 +79,11 @@ bool ImpactSteps::pass(const SmoothSources& now) {
       if (!take(now, from, length, part)) return false;
     }
     if (first_.size() == 0) first_ = y_at_begin(now, part);
+    const Vector slid = slips(now, from, x_);
     from += length;
     x_ = part.x, y_ = part.y, shown_ = part.shown;
-    for (Index i = 0; i < y_.size(); ++i) integral_[i] += rows_.is_force[std::size_t(i)] ? part.z[i] : length * y_[i];
+    for (Index i = 0; i < y_.size(); ++i)
+      integral_[i] += rows_.is_force[std::size_t(i)] ? part.z[i] : length * (slid[i] + y_[i]) / 2;
     open(now, from, part.z);
     put_back(now, from, event.gaps);
     if (!event.gaps.empty() && !strike(now, from, event.gaps)) return false;
@@ -93,6 +95,7 @@ bool ImpactSteps::pass(const SmoothSources& now) {
 ImpactProblem ImpactSteps::problem(double d, const std::vector<Index>& rows) const {
   Matrix W = rows_.M(rows, rows);
   for (std::size_t c = 0; c < rows.size(); ++c) {
+    if (rows_.is(rows[c], Kind::spring)) W(Index(c), Index(c)) /= d;
     if (!rows_.is_force[std::size_t(rows[c])]) continue;
     for (std::size_t r = 0; r < rows.size(); ++r)
       if (!rows_.is(rows[r], Kind::room)) W(Index(r), Index(c)) += response_.at(d, rows[r], rows[c]);
@@ -115,7 +118,8 @@ bool ImpactSteps::take(const SmoothSources& now, double from, double d, Part& pa
     Vector q(Index(part.rows.size()));
     for (Index k = 0; k < q.size(); ++k) {
       const Index i = part.rows[std::size_t(k)];
-      q[k] = rows_.is(i, Kind::gap) ? end.slope[i] : rows_.is(i, Kind::speed) ? end.w[i] : d * bounds[i];
+      q[k] = rows_.is(i, Kind::gap) ? end.slope[i] : rows_.is(i, Kind::room) ? d * bounds[i] : end.w[i];
+      if (rows_.is(i, Kind::spring)) q[k] = (q[k] + N_.row(i).dot(x_) + value(now.g, i, from)) / 2;
     }
     ImpactSolution found;
     if (!solve_part(d, part.rows, q, slides(now, from, part.rows), found)) return false;
@@ -132,7 +136,10 @@ bool ImpactSteps::take(const SmoothSources& now, double from, double d, Part& pa
       part.x = free;
     }
   }
-  follow_idle(now, to, part);
+  const Vector idle = slips(now, to, part.x);
+  for (const ImpactRows::Friction& f : rows_.friction)
+    if (!f.circle && !std::binary_search(part.rows.begin(), part.rows.end(), f.room))
+      part.z[f.room] = part.y[f.room] = part.shown[f.room] = idle[f.room];
   show_given_bounds(now, to, part);
   return true;
 }
@@ -141,10 +148,12 @@ bool ImpactSteps::solve_part(double d, const std::vector<Index>& rows, const Vec
                              ImpactSolution& found) {
   if (std::abs(d - h_) > 1e-12 * h_) {
     ImpactProblem once = problem(d, rows);
+    once.start_from(y_(rows));
     return solve(once, q, slides, found);
   }
   if (!kept_ || rows != kept_rows_) {
     kept_.emplace(problem(h_, rows));
+    kept_->start_from(y_(rows));
     kept_rows_ = rows;
   }
   return solve(*kept_, q, slides, found);
@@ -160,32 +169,31 @@ bool ImpactSteps::solve(ImpactProblem& problem, const Vector& q, const Matrix& s
   return found.solved;
 }
 
-// y of friction that does not act: no force, and the speed that its rows need.
-void ImpactSteps::follow_idle(const SmoothSources& now, double s, Part& part) const {
+// y of friction that are no forces: the speeds that its rows need.
+Vector ImpactSteps::slips(const SmoothSources& now, double s, const Vector& x) const {
+  Vector y = Vector::Zero(y_.size());
   for (const ImpactRows::Friction& f : rows_.friction) {
-    if (f.circle || std::binary_search(part.rows.begin(), part.rows.end(), f.room)) continue;
-    for (const Index i : f.forces) {
-      const double w = N_.row(i).dot(part.x) + value(now.g, i, s);
-      if (rows_.M(i, f.room) > 0) part.y[f.room] = std::max(part.y[f.room], -w / rows_.M(i, f.room));
-    }
-    part.z[f.room] = part.shown[f.room] = part.y[f.room];
+    if (f.circle) continue;
+    for (const Index i : f.forces)
+      if (const double by = rows_.M(i, f.room); by > 0)
+        y[f.room] = std::max(y[f.room], -(N_.row(i).dot(x) + value(now.g, i, s)) / by);
   }
+  return y;
 }
 
 // Forces of the first part, and what the speeds at its begin make of the others.
 Vector ImpactSteps::y_at_begin(const SmoothSources& now, const Part& part) const {
-  Part begin{{}, part.z, part.y, x_, part.y};
+  Vector y = part.y;
+  const Vector slid = slips(now, 0, x_);
   for (const ImpactRows::Friction& f : rows_.friction)
-    if (!f.circle) begin.y[f.room] = 0;
-  follow_idle(now, 0, begin);
+    if (!f.circle) y[f.room] = slid[f.room];
   const std::vector<ImpactCone> cones = cones_among(part.rows);
   const Matrix along = slides(now, 0, part.rows);
   for (Index k = 0; k < along.cols(); ++k) {
     const Index first = part.rows[std::size_t(cones[std::size_t(k)].first + 1)] - 1;
-    if (!along.col(k).isZero(0))
-      begin.y.segment(first + 1, 2) = -cones[std::size_t(k)].mu * begin.y[first] * along.col(k);
+    if (!along.col(k).isZero(0)) y.segment(first + 1, 2) = -cones[std::size_t(k)].mu * y[first] * along.col(k);
   }
-  return begin.y;
+  return y;
 }
 
 // Contacts close where cubics through the gaps and their slopes at both ends of the part fall below 0.
@@ -226,13 +234,13 @@ bool ImpactSteps::is_brief(double speed, double falls) const { return 2 * speed 
 bool ImpactSteps::strike(const SmoothSources& now, double s, const std::vector<Index>& gaps) {
   const Look before = look(now, s, x_, y_);
   const Vector zero = no_speed * before.size_of_slope;
-  bool strikes = false;
+  std::vector<Index> struck;
   for (const Index i : gaps) {
     closed_[std::size_t(i)] = 1;
-    strikes = strikes || before.slope[i] < -zero[i];
+    if (before.slope[i] < -zero[i]) struck.push_back(i);
   }
-  if (!strikes) return true;
-  const std::vector<Index> rows = rows_.acting(closed_, nullptr);
+  if (struck.empty()) return true;
+  const std::vector<Index> rows = rows_.reached(rows_.acting(closed_, nullptr), struck);
   const Vector falls = falling(now, s);
   Vector q(Index(rows.size())), bounce = Vector::Zero(y_.size());
   for (Index k = 0; k < q.size(); ++k) {

@@ -7,9 +7,9 @@
 // with the closed contacts alone, so that their speeds vanish at the end or they open. Positions are put back onto the
 // closed contacts, from which they are off by the cube of the part. Where a contact closes, the same problem with
 // D = B has the impulses p as unknowns and Newton's law: w'+ + e w'- >= 0. What is left behind of y is part of it, and
-// complementary to M p. Where a contact that parts would be back within an eighth of a step, it stays closed: it would
-// rise by less than the square of the step. Friction on circles has another direction at the end of a part than at its
-// begin: its impulse is the mean of both (impact_problem.hpp).
+// complementary to M p. Where a contact that parts would be back within a small part of a step, it stays closed:
+// bounces end in rest. Friction on circles has another direction at the end of a part than at its begin: its impulse is
+// the mean of both (impact_problem.hpp).
 
 #include "../lcp/march_report.hpp"
 #include "bromwich/result.hpp"
@@ -85,7 +85,7 @@ class ImpactSteps {
   Event first_event(const SmoothSources&, double from, double d, const Part&);
   bool turns_far(const SmoothSources&, double from, double d, const Part&) const;
   double first_turn(const SmoothSources&, double from, double d, const Look& begin, const Look& end, const Part&);
-  void follow_idle(const SmoothSources&, double s, Part&) const;
+  Vector slips(const SmoothSources&, double s, const Vector& x) const;
   void show_given_bounds(const SmoothSources&, double s, Part&) const;
   Vector y_at_begin(const SmoothSources&, const Part&) const;
   Vector falling(const SmoothSources&, double s) const;
@@ -95,16 +95,16 @@ class ImpactSteps {
   void put_back(const SmoothSources&, double s, const std::vector<Index>& more);
 
   // Of steps, sizes of terms and sources.
-  static constexpr double no_speed = 1e-11;         ///< of the terms of w': less is no speed
-  static constexpr double at_bound = 1e-9;          ///< of the bound of friction: less than that below it slips
-  static constexpr double same_time = 1e-9;         ///< of a step: contacts that close at once
-  static constexpr double brief_turn = 1e-6;        ///< of a step: sliding that ends so early has ended there before
-  static constexpr double shorter = 64;             ///< parts for the forces while sliding goes on
-  static constexpr double shortest_flight = 0.125;  ///< of a step, of a bounce that another one follows
+  static constexpr double no_speed = 1e-11;   ///< of the terms of w': less is no speed
+  static constexpr double at_bound = 1e-9;    ///< of the bound of friction: less than that below it slips
+  static constexpr double same_time = 1e-9;   ///< of a step: contacts that close at once
+  static constexpr double brief_turn = 1e-6;  ///< of a step: sliding that ends so early has ended there before
+  static constexpr double shorter = 64;       ///< parts for the forces while sliding goes on
+  static constexpr double shortest_flight = 1.0 / 512;  ///< of a step, of a bounce that another one follows
   static constexpr double kink = 1e-3;        ///< of the slopes of g, which parabolas know up to the square of a step
   static constexpr double most_turn = 0.995;  ///< cosine of the angle by which sliding turns on a part, 0.1 radians
   static constexpr double shortest_turn = 1e-3;  ///< of a step: shorter parts are not divided for that
-  static constexpr Index most_parts = 1024;      ///< of a step
+  static constexpr Index most_parts = 1024;      ///< of a step and row: more than flights of one contact
   static double value(const Matrix& c, Index i, double s) { return c(i, 0) + s * (c(i, 1) + s * c(i, 2)); }
   static Vector values(const Matrix& c, double s) { return c.col(0) + s * (c.col(1) + s * c.col(2)); }
   static Vector slopes(const Matrix& c, double s) { return c.col(1) + 2 * s * c.col(2); }

@@ -141,9 +141,9 @@ bool needs_location(const DiscreteProblem& p) {
 void refuse_impacts(Result& result) {
   result.status = Status::unsupported;
   result.reason =
-      "steps over impacts with restitution and friction on circles take rigid contacts, from states that are not "
-      "beyond "
-      "one, and steps that are not long beside the fastest mode; use more steps or method events";
+      "steps over impacts with restitution and friction on circles take rigid and compliant contacts, from states that "
+      "are not beyond a rigid one, and steps that are not long beside the fastest mode; use more steps or method "
+      "events";
 }
 
 void solve_over_impacts(const DiscreteProblem& p, const ImpactRows& rows, const Options& options, Result& result) {

@@ -35,10 +35,8 @@ Vector start_by_galerkin(const Scene& scene, Backend& backend, const InnerOption
 
 bool ends(const Result& r) { return r.status == Status::solved || r.status == Status::interrupted; }
 
-// Impacts with restitution are located: other steps than those of march would take them as without. So are steps with
-// friction on circles.
+// Impacts with restitution are located: other steps than those of march would take them as without.
 bool bounces(const Scene& scene) { return (scene.restitution.array() > 0).any(); }
-bool needs_march(const Scene& scene) { return bounces(scene) || !scene.cones.empty(); }
 // So are modes with memory.
 bool remembers(const Scene& scene) { return !scene.memories.empty(); }
 bool is_located(const Scene& scene) { return bounces(scene) || remembers(scene); }
@@ -98,9 +96,16 @@ std::string not_on_steps(const Scene& scene) {
   return "";
 }
 
+// Of all methods of given steps but march.
+std::string not_on_other_steps(const Scene& scene) {
+  const std::string why = not_on_steps(scene);
+  return why.empty() ? not_impacts(scene) : why;
+}
+
 bool never(const Scene&, const InnerOptions&) { return false; }
 bool always(const Scene&, const InnerOptions&) { return true; }
 bool has_impacts(const Scene& scene, const InnerOptions&) { return is_located(scene) && !scene.boundary; }
+bool needs_march(const Scene& scene, const InnerOptions&) { return bounces(scene) || !scene.cones.empty(); }
 bool has_boundary(const Scene& scene, const InnerOptions& options) { return scene.boundary && !options.event_location; }
 
 /// Of grids that are tried where method shooting has found no x(0): states that it does not find, unstable ones and
@@ -120,7 +125,8 @@ constexpr Engine engines[] = {
     {Method::shooting, has_boundary, not_shooting, by_shooting},
     {Method::galerkin, needs_galerkin, not_impacts, on_grids},
     {Method::events, has_impacts, not_events, solve_by_events},  // others with a tolerance: error_control.cpp
-    {Method::automatic, always, not_on_steps, on_grids},
+    {Method::march, needs_march, not_on_steps, on_grids},
+    {Method::automatic, always, not_on_other_steps, on_grids},
 };
 
 // Where method shooting finds no x(0), grids may; where events are not located, steps over impacts may do.
@@ -151,11 +157,6 @@ Result solve_reduced(const Scene& scene, Backend& backend, const InnerOptions& o
     }
     InnerOptions one = options;
     if (!named) one.method = engine.method;
-    if (engine.method == Method::automatic && needs_march(scene)) {
-      if (named && options.method != Method::march)
-        return unsolved(scene, backend, options, Status::unsupported, not_impacts(scene));
-      one.method = Method::march;
-    }
     if (after_shooting) one.max_steps = std::min(one.max_steps, most_after_shooting);
     try {
       Result next = engine.run(scene, backend, one);

@@ -4,7 +4,6 @@
 #include "../kernel/prepared_method.hpp"
 #include "../kernel/shared_dynamics.hpp"
 #include "../kernel/time_operator.hpp"
-#include "../march/impact_rows.hpp"
 #include "../result/inner_options.hpp"
 #include "../result/result.hpp"
 #include "../scan/chunk_scan.hpp"
@@ -14,6 +13,8 @@
 #include <optional>
 
 namespace bromwich {
+
+struct ImpactRows;
 
 /// A scene on a grid, with the plans and tables that its methods share. They are made on first use.
 class Methods {

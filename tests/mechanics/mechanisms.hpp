@@ -130,4 +130,39 @@ inline DrawnStructure random_structure(std::uint32_t seed, Index contacts, Index
   return drawn;
 }
 
+inline TimeFunction turned(const TimeFunction& of) {
+  return forces([of](double t) {
+    Vector value(1);
+    of(t, value);
+    return Vector(-value);
+  });
+}
+
+/// Coordinates with other signs, and tangents with other signs: the same motion.
+inline DrawnStructure mirrored(const DrawnStructure& drawn, const Vector& signs) {
+  DrawnStructure image = drawn;
+  for (SparseMatrix* m : {&image.structure.M, &image.structure.C, &image.structure.K})
+    *m = sparse(Matrix(signs.asDiagonal() * Matrix(*m) * signs.asDiagonal()));
+  image.structure.f = forces([f = drawn.structure.f, signs](double t) {
+    Vector value(signs.size());
+    f(t, value);
+    return Vector(signs.cwiseProduct(value));
+  });
+  if (image.structure.v0.size() > 0) image.structure.v0 = signs.cwiseProduct(drawn.structure.v0);
+  for (Contact& c : image.contacts) {
+    c.normal = c.normal.cwiseProduct(signs).eval();
+    if (c.tangent.size() == 0) continue;
+    c.tangent = (-c.tangent * signs.asDiagonal()).eval();
+    c.velocity = turned(c.velocity);
+  }
+  return image;
+}
+
+/// Signs that are no pattern of the structure.
+inline Vector drawn_signs(std::uint32_t seed, Index d) {
+  Vector signs(d);
+  for (Index i = 0; i < d; ++i) signs[i] = (seed >> (i % 5)) % 2 == 0 ? -1 : 1;
+  return signs;
+}
+
 }  // namespace bromwich
