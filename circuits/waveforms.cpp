@@ -53,11 +53,13 @@ const Gauss& gauss() {
 }
 
 std::vector<double> edges_between(const Circuit& c, const Result& r, double from, double to) {
-  std::vector<double> all(r.t.begin(), r.t.end());
-  if (r.located)
+  std::vector<double> all;
+  if (r.located) {
     for (const EventPiece& piece : r.located->pieces) all.push_back(piece.begin);
-  else
+  } else {
+    all.assign(r.t.begin(), r.t.end());
     for (const Switch& s : switches(r)) all.push_back(s.t);
+  }
   for (const std::vector<double>* times : {&c.scene.breakpoints, &c.kinks})
     all.insert(all.end(), times->begin(), times->end());
   const Index least_number = r.located && c.u.linear() ? 1 : least_pieces;

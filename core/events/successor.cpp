@@ -77,12 +77,11 @@ Successor::Entry Successor::attempt(const std::vector<Index>& set, double least,
 
 // Tries the active sets that short steps of implicit Euler propose.
 Successor::Entry Successor::attempt_proposed(double h, const Vector& offset, EventPoint& p) {
-  static constexpr std::array<double, 8> shares{1e-3, 1e-5, 1e-2, 1e-7, 1e-1, 1e-9, 1e-11, 1e-13};
+  static constexpr std::array<double, 6> shares{1e-3, 1e-5, 1e-2, 1e-7, 1e-1, 1e-9};
   const double m = double(system_.states()), n = double(system_.constraints());
   const Vector rebounds = rebounds_of_touching(p, offset);
   for (const double share : shares) {
     const double length = short_length(share * h);
-    if (share < 1e-9 && length < 4 * epsilon * T_) break;
     const ShortSteps::Step proposed = short_steps_.take(p.t, length, p.x, offset - length * rebounds);
     p.work += m * m * m + n * n * n;
     if (!proposed.y.allFinite()) continue;

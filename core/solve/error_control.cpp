@@ -62,13 +62,17 @@ class EventsBesideGrids {
 
  private:
   static constexpr double first = 4e7, more = 1.25;  ///< operations of events before grids may be tried
-  /// Of what events need: the next grid, and a march on steps of their own, which may be in vain.
-  static constexpr double share = 1.0 / 6, share_of_march = 1.0 / 3;
+  /// Of what events need: the next grid, and a march on steps of their own, which may be in vain. What events need is
+  /// not known well near t = 0: the grid takes at most a share of what they have spent, too.
+  static constexpr double share = 1.0 / 6, share_of_march = 1.0 / 3, share_of_spent = 0.5;
 
   double allowed(double done, double needed) {
     if (done < first) return first;
+    note(options_.log, LogLevel::debug, "events: %.2g operations done, about %.2g needed; grids need about %.2g", done,
+         needed, grids_.operations_to_goal());
     const auto may_pay = [&] {
-      return grids_.operations_to_goal() <= needed && grids_.operations_of_next() <= share * needed;
+      const double next = grids_.operations_of_next();
+      return grids_.operations_to_goal() <= needed && next <= share * needed && next <= share_of_spent * done;
     };
     try {
       while (!of_grids_ && !refused_ && may_pay()) of_grids_ = grids_.advance(share_of_march * needed);

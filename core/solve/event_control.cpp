@@ -145,17 +145,21 @@ class EventControl {
   bool chooses_grid() const { return goal_.tolerance > 0; }
 
   EventSolution integrate(double tolerance, std::size_t number) {
-    const auto budget = [this, before = work_](double work, double t) {
-      const double whole = work * scene_.T / std::max(t, epsilon * scene_.T);
+    // Near its begin an integration is measured by the one before.
+    const auto budget = [this, before = work_, last = work_of_last_](double work, double t) {
+      const double part = t / scene_.T;
+      const double whole =
+          last > 0 && part < well_begun ? std::max(work, of_finer * last) : work / std::max(part, 1e-3);
       const double later = tolerances_.size() < 2 ? of_finer * whole : 0;
       return goal_.budget(before + work, whole - work + later) - before;
     };
     EventSolution s = integrate_scene(scene_, options_, lcp_class_, tolerance, number, goal_.most_work, kept_,
                                       goal_.budget ? budget : std::function<double(double, double)>());
-    work_ += s.work;
+    work_ += work_of_last_ = s.work;
     return s;
   }
-  static constexpr double of_finer = 1.5;  ///< a finer integration beside the first, in operations
+  static constexpr double of_finer = 1.5;    ///< a finer integration beside the one before, in operations
+  static constexpr double well_begun = 0.1;  ///< of T
 
   static bool may_become_complete(const EventSolution& s) {
     return !s.complete && !s.interrupted && s.end != EventEnd::out_of_work;
@@ -314,6 +318,7 @@ class EventControl {
   std::optional<EventRows> rows_;
   std::vector<double> tolerances_;  ///< of the integrations
   double work_ = 0;                 ///< of those so far
+  double work_of_last_ = 0;
   const std::shared_ptr<RegimesOfScene> kept_ = keep_regimes();
   Result of_fine_;  ///< the rows of the solution that was compared last
   double of_y_ = INFINITY, of_x_ = INFINITY, doubt_ = 0;

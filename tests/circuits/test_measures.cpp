@@ -8,6 +8,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <complex>
 #include <map>
 #include <numbers>
 
@@ -107,6 +108,21 @@ TEST(Measures, HarmonicsOfARectifiedSine) {
   const OutputNumbers n = numbers(v, w);
   EXPECT_NEAR(n.distortion, std::sqrt((2 * (0.25 - 1 / (pi * pi)) - 0.25) / 0.25), 4 * off);
   EXPECT_NEAR(n.max, 1, 1e-9);
+}
+
+// A square wave behind R and C: c_k of the source and of the capacitor, in pieces far longer than a period of c_50.
+TEST(Measures, HarmonicsOfASquareWave) {
+  const double d = 0.3, tau = 1e-3, T = 1e-3;
+  const Solved s(
+      parse_circuit("t\nV1 a 0 PULSE(0 1 0 0 0 0.3m 1m)\nR1 a b 1k\nC1 b 0 1u\n.tran 1u 1m\n", "test.cir", {}, {}, 0));
+  ASSERT_LT(s.result.located->pieces.size(), 20);
+  const CircuitWaveforms w = s.waveforms(0, T);
+  const auto of_source = w.harmonics(s.probe("V(a)"), 50), of_C = w.harmonics(s.probe("V(b)"), 50);
+  for (int k = 1; k <= 50; ++k) {
+    const std::complex<double> i(0, 1), c = (1.0 - std::exp(-2 * pi * d * k * i)) / (pi * k * i);
+    EXPECT_LT(std::abs(of_source[std::size_t(k) - 1] - c), 1e-12) << k;
+    EXPECT_LT(std::abs(of_C[std::size_t(k) - 1] - c / (1.0 + 2 * pi * k * tau / T * i)), 1e-9) << k;
+  }
 }
 
 // A source that only a switch sees has kinks between rows: the mean of a triangle up to a third of the period is 1/2.

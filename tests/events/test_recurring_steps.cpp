@@ -1,6 +1,7 @@
 // Steps that recur with periodic sources, against closed forms.
 
 #include "core/events/event_driven.hpp"
+#include "core/events/event_sources.hpp"
 
 #include <gtest/gtest.h>
 
@@ -100,6 +101,41 @@ TEST(RecurringSteps, Ramps) {
     x = (x + 1) * std::exp(-1.0);
     EXPECT_NEAR(s.x(k + 1, true)[0], x, 1e-9) << k;
   }
+}
+
+// Over lines steps may be as long as these; another integration has others.
+TEST(RecurringSteps, AreAsLongAsLines) {
+  const TimeFunction f = [](double t, Eigen::Ref<Vector> value) { value[0] = square(t); };
+  Scene bends = diode(f), lines = diode(LinearSource{f});
+  bends.T = lines.T = 2;
+  EXPECT_EQ(longest_step(bends, {1}, 1), 2.0 / 48);
+  EXPECT_EQ(longest_step(lines, {1}, 1), 1);
+  EXPECT_LT(longest_step(lines, {1}, 2), 1);
+  EventOptions options;
+  options.longest_step = longest_step(lines, {1}, 1);
+  const EventSolution s = integrate_with_events(lines, LcpClass::P, {1}, options);
+  ASSERT_TRUE(s.complete) << s.reason;
+  EXPECT_LT(s.pieces.size(), 24);
+  const std::vector<double> known = known_states();
+  for (const std::size_t k : {1, 2}) EXPECT_NEAR(s.x(double(k), true)[0], known[k], 1e-9) << k;
+}
+
+// The budget is asked with what is spent, and ends the integration.
+TEST(RecurringSteps, AskWhatTheyMaySpend) {
+  const Scene scene = diode([](double t, Eigen::Ref<Vector> value) { value[0] = square(t); });
+  EventOptions options;
+  std::vector<double> spent;
+  options.budget = [&spent](double work, double) {
+    spent.push_back(work);
+    return spent.size() < 4 ? 2 * work + 1e4 : work;
+  };
+  const EventSolution ended = integrate_with_events(scene, LcpClass::P, edges(), options);
+  EXPECT_FALSE(ended.complete);
+  EXPECT_EQ(ended.end, EventEnd::out_of_work);
+  ASSERT_EQ(spent.size(), 4);
+  for (std::size_t k = 1; k < 4; ++k) EXPECT_GT(spent[k], 2 * spent[k - 1] + 1e4);
+  options.budget = [](double work, double) { return 2 * work + 1e4; };
+  EXPECT_TRUE(integrate_with_events(scene, LcpClass::P, edges(), options).complete);
 }
 
 }  // namespace recurring_steps_test
