@@ -1,6 +1,6 @@
 #pragma once
-// Numbers of a result of a circuit over a span of time. Between breakpoints and the steps of located events, or else its
-// rows and switches, the solution is smooth: integrals are Gauss quadrature of order 16 there, and extremes and
+// Numbers of a result of a circuit over a span of time. Between breakpoints and the steps of located events, or else
+// its rows and switches, the solution is smooth: integrals are Gauss quadrature of order 16 there, and extremes and
 // crossings are looked for in these pieces.
 
 #include "circuits/circuit.hpp"
