@@ -120,9 +120,14 @@ std::vector<Index> ImpactRows::acting(const std::vector<char>& closed, const Vec
 }
 
 std::vector<Index> ImpactRows::reached(const std::vector<Index>& rows, const std::vector<Index>& struck) const {
+  const auto in_one_cone = [&](Index i, Index j) {
+    return std::any_of(cones.begin(), cones.end(), [&](const FrictionCone& c) {
+      return std::min(i, j) >= c.first && std::max(i, j) <= c.first + 2;
+    });
+  };
   const auto joined = [&](Index k, Index l) {
     const Index i = rows[std::size_t(k)], j = rows[std::size_t(l)];
-    return impulses(i, j) != 0 || impulses(j, i) != 0;
+    return impulses(i, j) != 0 || impulses(j, i) != 0 || in_one_cone(i, j);
   };
   std::vector<Index> found;
   for (const auto& members : connected_components(Index(rows.size()), joined, [](Index, Index) {})) {
