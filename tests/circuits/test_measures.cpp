@@ -2,6 +2,7 @@
 
 #include "circuits/balance.hpp"
 #include "circuits/measures.hpp"
+#include "core/result/located_solution.hpp"
 #include "tests/circuits/circuits.hpp"
 #include "tests/support/run.hpp"
 
