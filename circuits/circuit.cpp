@@ -131,8 +131,7 @@ TimeFunction all_values(const std::shared_ptr<const std::vector<Waveform>>& u,
   const TimeFunction all = [u, which](double t, Eigen::Ref<Vector> value) {
     for (std::size_t k = 0; k < u->size(); ++k) value[Index(k)] = ((*u)[k].*which)(t);
   };
-  if (std::all_of(u->begin(), u->end(), [](const Waveform& one) { return one.linear; })) return LinearSource{all};
-  return all;
+  return std::all_of(u->begin(), u->end(), [](const Waveform& w) { return w.linear; }) ? LinearSource{all} : all;
 }
 
 /// What IC= and .ic give to elements that store; others have 0.

@@ -307,9 +307,9 @@ class EventIntegration {
   }
 
   bool may_go_on() {
-    if (at_.work > allowed_)
+    if (at_.work >= allowed_)
       allowed_ = std::min(options_.most_work, options_.budget ? options_.budget(at_.work, at_.t) : INFINITY);
-    if (at_.work > allowed_ || stored_ > most_stored) return give_up("too many steps", EventEnd::out_of_work);
+    if (at_.work >= allowed_ || stored_ > most_stored) return give_up("too many steps", EventEnd::out_of_work);
     if (!at_.x.allFinite()) return give_up("the solution grows without bounds");
     return is_wanted();
   }

@@ -61,13 +61,13 @@ class EventsBesideGrids {
   }
 
  private:
-  static constexpr double first = 4e7, more = 1.25;  ///< operations of events before grids may be tried
+  static constexpr double more = 1.25;  ///< operations of events before grids may be tried again
   /// Of what events need: the next grid, and a march on steps of their own, which may be in vain. What events need is
   /// not known well near t = 0: the grid takes at most a share of what they have spent, too.
   static constexpr double share = 1.0 / 6, share_of_march = 1.0 / 3, share_of_spent = 0.5;
 
   double allowed(double done, double needed) {
-    if (done < first) return first;
+    if (done < quick_) return quick_;
     note(options_.log, LogLevel::debug, "events: %.2g operations done, about %.2g needed; grids need about %.2g", done,
          needed, grids_.operations_to_goal());
     const auto may_pay = [&] {
@@ -87,7 +87,8 @@ class EventsBesideGrids {
   const InnerOptions& options_;
   GridRefinement grids_;
   std::optional<Result> of_grids_;
-  bool refused_ = false;  ///< the scene, by grids
+  const double quick_ = quick_events(scene_);  ///< operations of events before grids are tried
+  bool refused_ = false;                       ///< the scene, by grids
 };
 
 }  // namespace

