@@ -39,7 +39,7 @@ bool fits_cone(const ImpactRows& r, const FrictionCone& cone) {
 // Whether all rows are of these kinds, and at least one is a gap or of a circle.
 bool take_kinds(ImpactRows& r) {
   const Index n = r.constraints();
-  const Matrix terms = Matrix(SparseMatrix(r.N.cwiseAbs() * r.B.cwiseAbs())), accelerations = Matrix(r.NA * r.B);
+  const Matrix terms = Matrix(SparseMatrix(r.N.cwiseAbs() * r.B.cwiseAbs()));
   const Vector of_N = r.N.cwiseAbs() * Vector::Ones(r.states()),
                of_B = r.B.cwiseAbs().transpose() * Vector::Ones(r.states());
   r.NB = (r.NB.cwiseAbs().array() > rounding_of_NB * terms.array()).select(r.NB, 0.0);
@@ -57,7 +57,7 @@ bool take_kinds(ImpactRows& r) {
     const bool force = r.is_force[std::size_t(i)];
     const bool fits = kind == Kind::room    ? of_others.isZero(0) && !force
                       : kind == Kind::speed ? own == 0 && of_forces.isZero(0) && force
-                                            : own >= 0 && accelerations(i, i) > 0 && force;
+                                            : own >= 0 && force;
     r.kind.push_back(kind);
     if (!fits && !r.in_cone[std::size_t(i)]) return false;
   }
@@ -82,7 +82,7 @@ void take_friction(ImpactRows& r) {
 }
 
 // Of the forces that friction allows, those in the middle add nothing along the contact. False where a gap sees states
-// that forces move.
+// that forces move, or its force without friction does not open it.
 bool take_displacements(ImpactRows& r) {
   Matrix b = Matrix(r.B);
   for (const ImpactRows::Friction& f : r.friction)
@@ -98,6 +98,9 @@ bool take_displacements(ImpactRows& r) {
   const Matrix displaced =
       (moved.array() > 0).select(Vector::Zero(moved.size()), 1.0).matrix().asDiagonal() * (r.A * b);
   r.onto = displaced.sparseView(0, 0);
+  const Vector opened = Matrix(r.N * displaced).diagonal();
+  for (Index i = 0; i < r.constraints(); ++i)
+    if (r.is(i, Kind::gap) && !(opened[i] > 0)) return false;
   return true;
 }
 

@@ -74,9 +74,9 @@ TEST_P(ContactFlows, AreThoseOfTheMethods) {
     const Vector signs = drawn_signs(seed, drawn.structure.M.rows());
     const Result image = solved(mirrored(drawn, signs), Method::march, tolerance);
     ASSERT_EQ(image.status, march.status) << image.reason;
-    EXPECT_EQ(image.steps, march.steps);
-    const Index d = signs.size();
-    EXPECT_LE((last_state(image).head(d) - signs.cwiseProduct(last_state(march).head(d))).cwiseAbs().maxCoeff(), 1e-9);
+    ContactFlow mirror = exact;  // the steps may be others: y is, of which friction is a part
+    for (Vector& q : mirror.q) q = signs.cwiseProduct(q);
+    EXPECT_LE(error_of(image, mirror), tolerance);
   }
 }
 INSTANTIATE_TEST_SUITE_P(Seeds, ContactFlows, testing::Range(0, 5));
