@@ -8,6 +8,7 @@
 #include "core/galerkin/recovery.hpp"
 #include "core/galerkin/rules.hpp"
 #include "core/galerkin/solvers.hpp"
+#include "core/kernel/discretise.hpp"
 #include "core/march/outcome.hpp"
 #include "core/result/notice.hpp"
 
@@ -134,11 +135,9 @@ void fill(const Scene& scene, const GalerkinProblem& p, const RowMatrix& z, cons
   }
 }
 
-// N x0 + g(0), and 0 in free rows, whose w has to be 0 behind t = 0 only.
-Vector w_at_start(const Scene& scene) {
-  Vector w = observe(scene.dynamics, scene.x0), g = Vector::Zero(w.size());
-  if (scene.g) scene.g(0, g);
-  w += g;
+// N x0 + g(0) without rounding, and 0 in free rows, whose w has to be 0 behind t = 0 only.
+Vector w_at_start(const Scene& scene, Backend& backend) {
+  Vector w = discretise(scene, backend, 1).start;
   w(scene.free_rows).setZero();
   return w;
 }
@@ -230,7 +229,7 @@ void solve_on_grid(const Scene& scene, Backend& backend, const InnerOptions& opt
   result.rough_steps = p.divided;
   nothing_found(scene, p.N, result);
   if (!finite_galerkin_sources(p, result)) return;
-  if (p.initial_value && starts_below(scene, w_at_start(scene), result)) return;
+  if (p.initial_value && starts_below(scene, w_at_start(scene, backend), result)) return;
   const double condition = require_determined_states(p);
   if (condition < delicate_boundary) tell(result, {NoticeCode::boundary, condition});
   const FreeElimination elimination(p, scene.free_rows);

@@ -291,9 +291,11 @@ TEST(Status, InfeasibleWhereNoImpulseMovesTheState) {
     const Result below = run(scene, options_for(method, J));
     EXPECT_EQ(below.status, Status::infeasible) << to_string(method) << ": " << below.reason;
     EXPECT_EQ(below.infeasible_at.value_or(-1), 0) << to_string(method);
-    scene.x0 = Vector{{0, -1}};
-    const Result on_the_floor = run(scene, options_for(method, J));
-    EXPECT_EQ(on_the_floor.status, Status::solved) << to_string(method) << ": " << on_the_floor.reason;
+    for (const double rounding : {0.0, -1.4e-17}) {
+      scene.x0 = Vector{{rounding, -1}};
+      const Result on_the_floor = run(scene, options_for(method, J));
+      EXPECT_EQ(on_the_floor.status, Status::solved) << to_string(method) << ": " << on_the_floor.reason;
+    }
   }
 }
 
