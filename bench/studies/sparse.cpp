@@ -8,6 +8,7 @@
 
 #include "app/commands.hpp"
 #include "app/text.hpp"
+#include "bench/studies/heat_on_a_square.hpp"
 #include "bench/studies/study.hpp"
 #include "core/base/error.hpp"
 
@@ -25,26 +26,9 @@ constexpr double obstacle = -0.1, compliance = 0.05, end = 0.5;
 constexpr Index small_grid = 24;  // above the size up to which sparse scenes are solved as dense ones
 
 SparseDynamics plate(Index G) {
-  const double c = double(G + 1) * double(G + 1);  // diffusivity 1, spacing 1/(G+1)
-  std::vector<Eigen::Triplet<double>> entries;
-  for (Index i = 0; i < G; ++i)
-    for (Index j = 0; j < G; ++j) {
-      const Index r = i * G + j;
-      entries.emplace_back(r, r, -4 * c);
-      for (const auto& [inside, other] :
-           {std::pair{i > 0, r - G}, {i + 1 < G, r + G}, {j > 0, r - 1}, {j + 1 < G, r + 1}})
-        if (inside) entries.emplace_back(r, other, c);
-    }
-  SparseDynamics d{SparseMatrix(G * G, G * G), SparseMatrix(G * G, contacts), SparseMatrix(contacts, G * G)};
-  d.A.setFromTriplets(entries.begin(), entries.end());
-  for (Index i = 0; i < contacts; ++i) {
-    const Index point = (G / 2) * G + (i + 1) * G / (contacts + 1);
-    d.B.insert(point, i) = c;  // unit source per area of a cell
-    d.N.insert(i, point) = 1;
-  }
-  d.B.makeCompressed();
-  d.N.makeCompressed();
-  return d;
+  std::vector<Index> points;
+  for (Index i = 0; i < contacts; ++i) points.push_back((G / 2) * G + (i + 1) * G / (contacts + 1));
+  return heat_on_a_square(G, points);
 }
 
 Scene cooled_plate(Index G) {

@@ -3,6 +3,7 @@
 // device with cuDSS (BROMWICH_CUDSS), at its first call of a pattern, which orders it, and at later calls.
 
 #include "app/text.hpp"
+#include "bench/studies/heat_on_a_square.hpp"
 #include "bench/studies/study.hpp"
 #include "core/numerics/contour.hpp"
 #include "core/seam/backend.hpp"
@@ -22,26 +23,9 @@ namespace bromwich::app {
 namespace {
 
 SparseDynamics square(Index G, Index contacts) {
-  const double c = double(G + 1) * double(G + 1);
-  std::vector<Eigen::Triplet<double>> entries;
-  for (Index i = 0; i < G; ++i)
-    for (Index j = 0; j < G; ++j) {
-      const Index r = i * G + j;
-      entries.emplace_back(r, r, -4 * c);
-      for (const auto& [inside, other] :
-           {std::pair{i > 0, r - G}, {i + 1 < G, r + G}, {j > 0, r - 1}, {j + 1 < G, r + 1}})
-        if (inside) entries.emplace_back(r, other, c);
-    }
-  SparseDynamics d{SparseMatrix(G * G, G * G), SparseMatrix(G * G, contacts), SparseMatrix(contacts, G * G)};
-  d.A.setFromTriplets(entries.begin(), entries.end());
-  for (Index i = 0; i < contacts; ++i) {
-    const Index point = contacts == G ? i : (i + 1) * G / (contacts + 1);
-    d.B.insert(point, i) = c;
-    d.N.insert(i, point) = 1;
-  }
-  d.B.makeCompressed();
-  d.N.makeCompressed();
-  return d;
+  std::vector<Index> points;
+  for (Index i = 0; i < contacts; ++i) points.push_back(contacts == G ? i : (i + 1) * G / (contacts + 1));
+  return heat_on_a_square(G, points);
 }
 
 // Of two windows of a contour.
