@@ -4,6 +4,7 @@
 #include "core/adapted/tree_control.hpp"
 #include "core/base/text.hpp"
 #include "core/lcp/lcp_class.hpp"
+#include "core/march/outcome.hpp"
 #include "core/result/located.hpp"
 #include "core/result/slack.hpp"
 #include "core/solve/error_goal.hpp"
@@ -98,6 +99,7 @@ std::optional<Result> march_to_tolerance(const Scene& scene, const InnerOptions&
   result.errors = estimate_of(*solution, goal, result.x_components);
   result.error_estimate = result.errors->estimates.back();
   result.kernel = kernel_of(tree.leaves(), scene.T);
+  if (result.starts_with_impulse) result.kernel += impulse_note;
   result.well_posed = true;
   result.lcp.solved = steps.problems();
   result.lcp.newton = steps.newton();

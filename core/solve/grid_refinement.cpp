@@ -159,7 +159,7 @@ std::optional<Result> GridRefinement::on_tree(double most_operations) {
   constexpr Index more = 4;       // steps than before, or no other attempt is made
   const bool march = options_.method == Method::march || options_.method == Method::automatic;
   if (!march || solved_->method != Method::march || solved_->impacts) return std::nullopt;
-  if (solved_->starts_with_impulse || solved_->magnification > most_growth) return std::nullopt;
+  if (solved_->magnification > most_growth) return std::nullopt;
   InnerOptions limited = options_;
   const double most = most_operations / (of_leaf * (operations(2) - operations(1)));
   if (most < double(limited.max_steps)) limited.max_steps = Index(most);
