@@ -73,10 +73,12 @@ GalerkinOutput galerkin_at(const Scene& scene, const Result& r, const std::vecto
   const Index n = r.y_left.cols();
   if (!r.y_left.row(0).allFinite()) {  // nothing was found, and the states may be too many to write out
     const Index rows = Index(times.size());
-    return {RowMatrix::Constant(rows, n, NAN), RowMatrix::Constant(rows, scene.states(), NAN)};
+    const RowMatrix unknown = RowMatrix::Constant(rows, n, NAN);
+    return {unknown, unknown, RowMatrix::Constant(rows, scene.states(), NAN)};
   }
   const RowMatrix states = states_at_nodes(scene, r);
-  GalerkinOutput out{RowMatrix(Index(times.size()), n), RowMatrix(Index(times.size()), states.cols())};
+  const Index rows = Index(times.size());
+  GalerkinOutput out{RowMatrix(rows, n), RowMatrix::Zero(rows, n), RowMatrix(rows, states.cols())};
   for (std::size_t i = 0; i < times.size(); ++i) {
     const Index row = Index(i), k = interval_at(r.t, times[i]), node = node_at(r.t, times[i]);
     const double h = r.t[k + 1] - r.t[k], part = std::clamp((times[i] - r.t[k]) / h, 0.0, 1.0);
@@ -94,6 +96,7 @@ GalerkinOutput galerkin_at(const Scene& scene, const Result& r, const std::vecto
     }
     const Vector b = (1 - part) * a + part * last;
     if (rule != IntervalRule::radau) out.y.row(row) = b.transpose();
+    out.integral.row(row) = part * h * (rule == IntervalRule::euler ? last : Vector((a + b) / 2)).transpose();
     if (rule == IntervalRule::euler)
       out.x.row(row) = (1 - part) * states.row(k) + part * states.row(k + 1);
     else

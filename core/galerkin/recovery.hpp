@@ -18,10 +18,11 @@ Index node_at(const Vector& t, double time);
 /// The coefficients of a result of method galerkin: N x 2n.
 RowMatrix galerkin_coefficients(const Result&);
 
-/// y (left limit) and x at `times`, one row each: times.size() x n and times.size() x m. Inside an interval of implicit
-/// Euler x is linear. NaN after the end of the result. Preconditions: times in [0, T], a result with y_left.
+/// y (left limit), its integral from the node before, and x at `times`, one row each: times.size() x n, x n and x m.
+/// Inside an interval of implicit Euler x is linear. NaN after the end of the result. Preconditions: times in [0, T], a
+/// result with y_left.
 struct GalerkinOutput {
-  RowMatrix y, x;
+  RowMatrix y, integral, x;
 };
 GalerkinOutput galerkin_at(const Scene&, const Result&, const std::vector<double>& times);
 

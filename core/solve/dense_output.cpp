@@ -29,6 +29,13 @@ Vector y_at(const RowMatrix& y, const Place& at) {
   return ((1 - at.part) * y.row(at.row) + at.part * y.row(at.row + 1)).transpose();
 }
 
+// The integral of y from the time point before. y_0 may be open.
+Vector over_part(const RowMatrix& y, const Place& at, double h) {
+  if (at.part == 0) return Vector::Zero(y.cols());
+  const Vector end = y_at(y, at), begin = y.row(at.row).transpose();
+  return at.part * h * (begin.allFinite() ? Vector((begin + end) / 2) : Vector(y.row(at.row + 1).transpose()));
+}
+
 // One step of the length that is left, from x_j as its initial state.
 Vector carried(const Scene& scene, Backend& backend, const RowMatrix& y, const Vector& x, double t, double s,
                const Place& at) {
@@ -80,6 +87,7 @@ void sample(const Scene& given, Backend& backend, const Result& result, const st
   for (Index k = 0; k < Index(places.size()); ++k) {
     const Place& at = places[std::size_t(k)];
     sampled.y.row(k) = y_at(result.y, at).transpose();
+    sampled.y_integral.row(k) = over_part(result.y, at, h).transpose();
     if (at.part == 0) {
       sampled.x.row(k) = result.x.row(at.row);
     } else if (at.row + 1 < valid && (sampled.x.cols() > 0 || bends.inside(at.row))) {
@@ -121,10 +129,9 @@ Result rows_at(const std::vector<double>& times, const Result& result) {
   Result rows = result;
   const Index count = Index(times.size());
   rows.t = Eigen::Map<const Vector>(times.data(), count);
-  rows.y = RowMatrix::Constant(count, result.y.cols(), NAN);
+  rows.y = rows.y_integral = RowMatrix::Constant(count, result.y.cols(), NAN);
   rows.x = RowMatrix::Constant(count, Index(result.x_components.size()), NAN);
   rows.trace = RowMatrix::Constant(count, result.trace.cols(), NAN);
-  rows.y_integral.resize(0, 0);
   return rows;
 }
 
@@ -146,6 +153,7 @@ void sample_intervals(const Scene& given, Backend& backend, const Result& result
       continue;
     }
     sampled.y.row(k) = result.y.row(node);
+    sampled.y_integral.row(k).setZero();
     if (result.x.rows() > node) sampled.x.row(k) = result.x.row(node);
     if (result.trace.rows() > node) sampled.trace.row(k) = result.trace.row(node);
   }
@@ -159,6 +167,7 @@ void sample_intervals(const Scene& given, Backend& backend, const Result& result
     check_interruption();
     const Index k = interval_at(result.t, there[i]);
     sampled.y.row(between[i]) = output.y.row(Index(i));
+    sampled.y_integral.row(between[i]) = output.integral.row(Index(i));
     sampled.x.row(between[i]) = output.x.row(Index(i))(result.x_components);
     if (sampled.trace.cols() > 0)
       sampled.trace.row(between[i]) = observe(scene.dynamics, output.x.row(Index(i)).transpose()).transpose();
@@ -182,6 +191,7 @@ Result of_polynomials(const Scene& scene, const Result& result, const std::vecto
     const std::vector<Index>& modes = located->piece(times[k], true).modes;
     for (Index i = 0; i < sampled.modes.cols(); ++i) sampled.modes(Index(k), i) = double(modes[std::size_t(i)]);
     sampled.y.row(Index(k)) = located->y(times[k], true).cwiseMax(0).transpose();
+    sampled.y_integral.row(Index(k)) = located->integral_of_y(times[k], true).transpose();
     sampled.x.row(Index(k)) = x(result.x_components).transpose();
     if (sampled.trace.cols() > 0)
       sampled.trace.row(Index(k)) = observe(scenes.at_row(sampled.modes, Index(k)).dynamics, x).transpose();
@@ -211,6 +221,7 @@ void sample_own_steps(const Scene& given, const InnerOptions& reduced, const Res
   for (Index k = 0; fine && k < sampled.t.size(); ++k) {
     const Index row = std::lower_bound(rows.begin(), rows.end(), std::min(sampled.t[k], scene.T)) - rows.begin();
     sampled.y.row(k) = fine->y.row(row);
+    sampled.y_integral.row(k) = fine->y_integral.row(row);
     sampled.x.row(k) = fine->x.row(row);
     if (sampled.trace.cols() > 0) sampled.trace.row(k) = fine->trace.row(row);
   }
@@ -219,14 +230,28 @@ void sample_own_steps(const Scene& given, const InnerOptions& reduced, const Res
 Result sample_reduced(const Scene& scene, Backend& backend, const InnerOptions& options, const Result& result,
                       const std::vector<double>& times);
 
+// To the integral of y over a part of a step, that of all steps before.
+void add_integral_before(const Result& result, const std::vector<Place>& places, Result& sampled) {
+  const RowMatrix whole = integral_of_y(result);
+  for (std::size_t k = 0; k < places.size(); ++k) sampled.y_integral.row(Index(k)) += whole.row(places[k].row);
+}
+
 // The scene without free rows, from a result of all rows: x follows from y of the others, y itself is linear in all.
 Result without_free_rows(const Scene& scene, const EliminatedScene& eliminated, Backend& backend,
                          const InnerOptions& options, const Result& result, const std::vector<double>& times) {
   Result sampled = sample_reduced(eliminated.scene, backend, options, eliminated.reduced(result), times);
+  const RowMatrix of_kept = sampled.y_integral;
   sampled.y.resize(Index(times.size()), result.y.cols());
+  sampled.y_integral.resizeLike(sampled.y);
   sampled.trace = RowMatrix::Constant(Index(times.size()), result.trace.cols(), NAN);
-  for (std::size_t k = 0; k < times.size(); ++k)
-    sampled.y.row(Index(k)) = y_at(result.y, place(result, scene.T, times[k])).transpose();
+  std::vector<Place> places;
+  for (const double t : times) places.push_back(place(result, scene.T, t));
+  for (Index k = 0; k < sampled.t.size(); ++k) {
+    sampled.y.row(k) = y_at(result.y, places[std::size_t(k)]).transpose();
+    sampled.y_integral.row(k) = over_part(result.y, places[std::size_t(k)], scene.T / double(result.steps)).transpose();
+  }
+  add_integral_before(result, places, sampled);
+  if (!eliminated.kept.empty()) sampled.y_integral(Eigen::all, eliminated.kept) = of_kept;
   return sampled;
 }
 
@@ -241,14 +266,21 @@ Result sample_reduced(const Scene& scene, Backend& backend, const InnerOptions& 
   Result sampled = rows_at(times, result);
   if (has_own_steps(result) && !on_grid(places)) {
     sample_own_steps(scene, options, result, sampled);
-  } else if (result.y_left.size() > 0) {
+    return sampled;
+  }
+  if (result.y_left.size() > 0) {
     sample_intervals(scene, backend, result, sampled);
     sampled.y_left.resize(0, 0);
+    for (std::size_t k = 0; k < times.size(); ++k) {
+      const Index node = node_at(result.t, times[k]);
+      places[k].row = node >= 0 ? node : interval_at(result.t, times[k]);
+    }
   } else if (by_steps(scene, result)) {
     sample_by_steps(scene, backend, result, places, sampled);
   } else {
     sample(scene, backend, result, places, sampled);
   }
+  add_integral_before(result, places, sampled);
   return sampled;
 }
 
@@ -267,6 +299,7 @@ void need_rows_of_steps(const Result& result, double T) {
 
 // Rows at time points are those of the result, to the last digit.
 void keep_rows(const Result& result, double T, Result& sampled) {
+  const RowMatrix integral = integral_of_y(result);
   for (Index k = 0; k < sampled.t.size(); ++k) {
     Index row = -1;
     if (result.y_left.size() > 0)
@@ -275,6 +308,7 @@ void keep_rows(const Result& result, double T, Result& sampled) {
       row = at.row;
     if (row < 0) continue;
     sampled.y.row(k) = result.y.row(row);
+    sampled.y_integral.row(k) = integral.row(row);
     if (result.x.rows() > row) sampled.x.row(k) = result.x.row(row);
     if (result.trace.rows() > row) sampled.trace.row(k) = result.trace.row(row);
     if (result.modes.rows() > row) sampled.modes.row(k) = result.modes.row(row);

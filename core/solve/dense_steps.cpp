@@ -63,6 +63,14 @@ Matrix states_by_steps(const Scene& scene, Backend& backend, const Result& resul
   }
 }
 
+// Row k is the end of a march from the time point before.
+void take_end(const Result& one, Index k, Result& sampled) {
+  sampled.y.row(k) = one.y.bottomRows(1);
+  sampled.y_integral.row(k) = integral_of_y(one).bottomRows(1);
+  sampled.x.row(k) = one.x.row(one.steps)(sampled.x_components);
+  if (sampled.trace.cols() > 0) sampled.trace.row(k) = one.trace.row(one.steps);
+}
+
 }  // namespace
 
 Place place(const Result& result, double T, double t) {
@@ -93,9 +101,7 @@ bool sample_by_a_step(const Scene& scene, Backend& backend, double t, double s, 
   options.confirm = false;
   const Result one = solve_on_steps(from_solution(scene, t, s, x), backend, options);
   if (one.status != Status::solved || !one.continuous) return false;
-  sampled.y.row(k) = one.y.row(options.steps);
-  sampled.x.row(k) = one.x.row(options.steps)(sampled.x_components);
-  if (options.trace) sampled.trace.row(k) = one.trace.row(options.steps);
+  take_end(one, k, sampled);
   return true;
 }
 
@@ -122,6 +128,7 @@ void sample_by_steps(const Scene& given, Backend& backend, const Result& result,
     if (at.part == 0) {
       sampled.y.row(k) = result.y.row(at.row);
       sampled.x.row(k) = result.x.row(at.row);
+      sampled.y_integral.row(k).setZero();
       continue;
     }
     const Vector x = recorded ? Vector(result.x.row(at.row)) : Vector(before.col(next++));
@@ -133,9 +140,7 @@ void sample_by_steps(const Scene& given, Backend& backend, const Result& result,
     options.compares_grids = options.look_inside_every_step = in_layer && !scene.dynamics->small_state();
     const Result one = solve_on_steps(from_solution(scene, begin, length, x), backend, options);
     if (one.status == Status::infeasible || one.x.rows() != options.steps + 1) continue;
-    sampled.y.row(k) = one.y.row(options.steps);
-    sampled.x.row(k) = one.x.row(options.steps)(result.x_components);
-    if (options.trace) sampled.trace.row(k) = one.trace.row(options.steps);
+    take_end(one, k, sampled);
   }
 }
 

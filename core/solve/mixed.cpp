@@ -212,7 +212,9 @@ void take_y(const EliminatedScene& e, const RowMatrix& y_C, const RowMatrix& y_F
 
 Result EliminatedScene::reduced(const Result& result) const {
   Result part = result;
-  part.y = kept.empty() ? RowMatrix(RowMatrix::Zero(result.y.rows(), 1)) : RowMatrix(result.y(Eigen::all, kept));
+  for (RowMatrix* table : {&part.y, &part.y_integral})
+    if (table->size() > 0)
+      *table = kept.empty() ? RowMatrix(RowMatrix::Zero(table->rows(), 1)) : RowMatrix((*table)(Eigen::all, kept));
   return part;
 }
 

@@ -266,6 +266,50 @@ TEST(DenseOutput, IsTheValueOfPolynomialsBetweenLocatedSwitches) {
   }
 }
 
+// x jumps from -1/2 to 0 and stays: y = 2 behind an impulse of 1/2.
+TEST(DenseOutput, IntegralsBeginWithTheImpulseAtZero) {
+  Scene scene;
+  scene.dynamics = DenseDynamics{Matrix{{-1}}, Matrix{{1}}, Matrix{{1}}};
+  scene.M = Matrix{{0}};
+  scene.x0 = Vector{{-0.5}};
+  scene.T = 1;
+  scene.f = [](double, Eigen::Ref<Vector> f) { f[0] = -2; };
+  const auto backend = make_cpu_backend(1);
+  for (const Method method : {Method::events, Method::march, Method::euler})
+    for (const double tolerance : {0.0, 1e-5}) {
+      Options options = options_for(method, 40);
+      options.tolerance = tolerance;
+      const Result result = solve(scene, *backend, options);
+      ASSERT_EQ(result.status, Status::solved) << to_string(method) << ": " << result.reason;
+      const Result between = at_times(scene, *backend, result, {0, 0.1234, 0.5, 0.777, 1});
+      EXPECT_EQ(integral_of_y(between)(0, 0), 0);
+      for (Index k = 1; k < 5; ++k)
+        EXPECT_NEAR(integral_of_y(between)(k, 0), 0.5 + 2 * between.t[k], 1e-9) << to_string(method) << ' ' << k;
+    }
+}
+
+// Against the polynomials of located switches. y is Lipschitz, and the integral of order two in steps of 1/200: an
+// error of y of (1/200)^2 times second derivatives, below 100.
+TEST(DenseOutput, IntegralsAreThoseOfAllSteps) {
+  Scene scene;
+  scene.dynamics = DenseDynamics{Matrix{{-1}}, Matrix{{1}}, Matrix{{1}}};
+  scene.M = Matrix{{1}};
+  scene.x0 = Vector{{0.2}};
+  scene.T = 1;
+  scene.g = [](double t, Eigen::Ref<Vector> g) { g[0] = -0.3 + std::sin(9 * t); };
+  const auto backend = make_cpu_backend(1);
+  const std::vector<double> times = {0, 0.0012, 0.31234, 0.5, 0.6421, 1};
+  Options exact = options_for(Method::events, 200);
+  exact.tolerance = 1e-10;
+  const RowMatrix known = integral_of_y(at_times(scene, *backend, solve(scene, *backend, exact), times));
+  ASSERT_GT(known(5, 0), 0.1);
+  for (const Method method : {Method::march, Method::contour, Method::galerkin, Method::euler}) {
+    const Result between = at_times(scene, *backend, solve(scene, *backend, options_for(method, 200)), times);
+    const double error = method == Method::euler ? 1.0 / 200 : 100.0 / (200 * 200);
+    EXPECT_LE(distance(integral_of_y(between), known), error) << to_string(method);
+  }
+}
+
 TEST(DenseOutput, EndsWithTheRowsThatAreValid) {
   const Scene scene = make_scene("bridge");
   const auto backend = make_cpu_backend(1);
