@@ -90,6 +90,36 @@ TEST(AdaptedMarch, TakesJumpsOfTheStateAndOfSources) {
   }
 }
 
+// Heat in a bar of m points whose first one starts below 1, is lifted there at t = 0, and is held: the others approach
+// a line from 0, in the sine modes of m - 1 points between ends at 1 and 0.
+TEST(AdaptedMarch, FollowsAFieldBehindAnImpulse) {
+  constexpr Index m = 40;
+  constexpr double pi = std::numbers::pi, tolerance = 1e-5;
+  Matrix A = Matrix::Zero(m, m);
+  for (Index i = 0; i < m; ++i) {
+    A(i, i) = -2.0 * m * m;
+    if (i > 0) A(i, i - 1) = A(i - 1, i) = m * m;
+  }
+  Scene scene = held(
+      {0}, [](double, Eigen::Ref<Vector> g) { g << -1; }, 0.5);
+  scene.dynamics = DenseDynamics{A, identity(m).leftCols(1), identity(m).topRows(1)};
+  scene.x0 = Vector::Zero(m);
+  const Result r = to_tolerance(scene, tolerance);
+  ASSERT_EQ(r.status, Status::solved) << r.reason;
+  ASSERT_TRUE(r.starts_with_impulse);
+  for (Index j = 1; j <= r.steps; ++j) {
+    Vector exact = Vector::LinSpaced(m, 1, 1.0 / m);
+    for (Index k = 1; k < m; ++k) {
+      Vector mode(m);
+      for (Index i = 0; i < m; ++i) mode[i] = std::sin(pi * double(k * i) / m);
+      const double rate = 4.0 * m * m * std::pow(std::sin(pi * double(k) / (2 * m)), 2);
+      exact -= 2.0 / m * mode.dot(Vector::LinSpaced(m, 1, 1.0 / m)) * std::exp(-rate * r.t[j]) * mode;
+    }
+    EXPECT_LE((r.x.row(j).transpose() - exact).cwiseAbs().maxCoeff(), tolerance) << j;
+    EXPECT_GE(r.y_integral(j, 0), 1) << "the impulse";
+  }
+}
+
 Scene melting(Index m, double T) {
   const double dx = 1 / double(m + 1);
   Matrix A = Matrix::Zero(m, m);
