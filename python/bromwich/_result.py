@@ -184,6 +184,12 @@ class Result(Rows):
         """
         return Result(self._answer.at(self._times(t)), self._scene)
 
+    def _integral_of_y(self, start: float, end: float) -> np.ndarray | None:
+        if self.continuous:
+            return None
+        first, last = self.at([start, end]).y_integral
+        return last - first
+
     def __getitem__(self, name: str) -> np.ndarray:
         """An output of a circuit at the rows: ``r["V(out)"]``, ``r["V(a,b)"]``, ``r["I(L1)"]``, the power ``r["P(R1)"]`` that an
         element takes, or an expression of these, t and parameters: ``r["V(in)*I(L1)/eta"]``. J+1 values.

@@ -198,15 +198,18 @@ class Rows:
     def mean(self, name: str, start: float | None = None, end: float | None = None) -> float:
         """The mean of a component over [start, end], by quadrature of high order between rows, switches and breakpoints (:meth:`at`).
 
+        Where y jumps its mean is that of :attr:`Result.y_integral`: impulses count, those of a contact force at impacts.
+
         Args:
             name: of the component, or ``"x0"``, ``"y0"``, ``"w0"``.
             start, end: None: those of the result. The last period of a scene: ``start=r.scene.T - period``.
         """
         span = span_of(self, name, start, end)
-        return integral(self, span, 1) / (span.end - span.start)
+        of_y = self._integral_of_y(span.start, span.end) if span.kind == "y" else None
+        return (integral(self, span, 1) if of_y is None else float(of_y[span.column])) / (span.end - span.start)
 
     def rms(self, name: str, start: float | None = None, end: float | None = None) -> float:
-        """The root of the mean square, as :meth:`mean`."""
+        """The root of the mean square, as :meth:`mean`, without impulses."""
         span = span_of(self, name, start, end)
         return float(np.sqrt(integral(self, span, 2) / (span.end - span.start)))
 
@@ -226,6 +229,10 @@ class Rows:
     def _provenance(self) -> dict[str, Any]:
         """What a file says besides of the scene and of how it was solved."""
         return {}
+
+    def _integral_of_y(self, start: float, end: float) -> np.ndarray | None:
+        """Of each component over [start, end], with impulses; None where there are none, or they are not known."""
+        return None
 
     def _times(self, t: Any) -> list[float]:
         """The times that ``at`` is given, checked."""

@@ -98,6 +98,9 @@ class SavedResult(Result):
     def _attributes(self) -> dict[str, Any]:
         return dict(self._facts)
 
+    def _integral_of_y(self, start: float, end: float) -> np.ndarray | None:
+        return None
+
     def at(self, t: float | Iterable[float]) -> SavedResult:
         """The result at other times, interpolated linearly between the rows.
 

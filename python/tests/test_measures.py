@@ -36,6 +36,16 @@ def test_where_y_jumps():
     assert r.mean("y0", 0.25, 0.75) == pytest.approx(0.5, abs=1e-7)
 
 
+@pytest.mark.parametrize("options", [dict(restitution=[0.8], tol=1e-6), dict(restitution=[0], tol=1e-6), dict(steps=600, method="march")])
+def test_means_of_forces_have_the_impulses_of_impacts(options):
+    """A falling mass on a floor: its momentum changes by the mean force times the time, from before an impact to behind it."""
+    gravity = 9.81
+    r = bromwich.solve(A=[[0, 1], [0, 0]], B=[0, 1], N=[1, 0], M=0, f=[0, -gravity], x0=[1, 0], T=6, states="all", **options)
+    for start, end in ((0, 6), (0, 0.3), (0.3, 5.5)):
+        v = r.at([start, end]).x[:, 1]
+        assert r.mean("y0", start, end) == pytest.approx(gravity + (v[1] - v[0]) / (end - start), abs=1e-9)
+
+
 def test_wrong_names_and_times():
     r = oscillator(steps=20)
     with pytest.raises(bromwich.Error, match=r"name: found 'vv' \(did you mean 'v'\?\)"):
