@@ -1,6 +1,7 @@
 #include "core/accuracy/convergence.hpp"
 
 #include "core/accuracy/impact_sides.hpp"
+#include "core/lcp/lcp_class.hpp"
 #include "core/result/options.hpp"
 
 #include <algorithm>
@@ -58,6 +59,13 @@ std::vector<bool> known_jumps(const Scene& scene, const Result& result) {
 }
 
 RowMatrix mean(const Result& result) { return integral_of_y(result) / result.t[result.t.size() - 1]; }
+
+// As far as M lets it: y is a continuous function of N x + g for some classes.
+bool may_jump(const Scene& scene, const Result& first) {
+  if (first.jumps_inside) return true;
+  const bool by_steps = !first.continuous || by_euler(first) || !first.well_posed;
+  return by_steps && !is_continuous(known_class(scene.M, scene.lcp_class));
+}
 
 }  // namespace
 
@@ -121,7 +129,7 @@ Convergence::Convergence(const Scene& scene, const Result& first, ComponentSizes
       components_(std::size_t(first.x.cols()), x_),
       scene_(scene),
       sizes_(std::move(sizes)),
-      may_jump_(!first.impacts && (!first.continuous || by_euler(first) || first.jumps_inside || !first.well_posed)),
+      may_jump_(!first.impacts && may_jump(scene, first)),
       jumps_(bool(first.impacts)) {}
 
 void Convergence::add(const Result& coarse, const Result& fine, bool resolved) {

@@ -49,7 +49,7 @@ std::optional<TreeSolution> march_to_goal(TreeMarch& tree, const TreeGoal& goal)
     s.error = distance(as_result(tree.times(), *coarse), 1, as_result(tree.times(), *rows), 1, goal.sizes);
     s.steps = 2 * Index(tree.leaves().size());
     const double steps = double(s.steps);
-    s.of_integral = goal.y_may_jump && s.error.y + steps * goal.rounding_of_y > accepted * goal.y;
+    s.of_integral = goal.impulse || (goal.y_may_jump && s.error.y + steps * goal.rounding_of_y > accepted * goal.y);
     const double rounding = steps * (s.of_integral ? goal.rounding_of_mean : goal.rounding_of_y);
     const double share = std::max(goal.y > 0 ? (s.error_of_y() + rounding) / goal.y : 0,
                                   goal.x > 0 ? (s.error.of_x() + steps * goal.rounding_of_x) / goal.x : 0);

@@ -11,6 +11,7 @@ struct TreeGoal {
   double y = 0, x = 0;      ///< tolerances, one of them positive; 0: not controlled
   ComponentSizes sizes;     ///< of y and of all states
   bool y_may_jump = false;  ///< at a switch, which need not be at the same time in both solutions
+  bool impulse = false;     ///< the state jumps at t = 0: y is known by its mean
   double rounding_of_y = 0, rounding_of_mean = 0, rounding_of_x = 0;  ///< relative, that of one step
 };
 
