@@ -19,6 +19,7 @@ constexpr double resolution = 64 * epsilon;  ///< of T: times of breakpoints
 
 constexpr double most_kept = 5e7;  ///< numbers in the matrices of all lengths, about
 constexpr Index most_constraints = 512;
+constexpr double of_jump = 0x1p-20;  ///< of a shortest part: the step in which the state may jump
 
 SparseMatrix entry_of_f(const Scene& scene) {
   if (scene.f_entry == SourceEntry::through_F) return scene.F;
@@ -165,8 +166,15 @@ bool RadauSteps::advance(Family<Scalar>& family, const Part& p, const TreeRow& f
   return true;
 }
 
+// Behind a breakpoint the state may jump: by a step so short that nothing else moves.
 bool RadauSteps::take(const Part& p, const TreeRow& from, TreeRow& to) {
-  return is_shortest(p) ? advance(*euler_, p, from, to) : advance(*radau_, p, from, to);
+  if (!is_shortest(p)) return advance(*radau_, p, from, to);
+  Part jump = p, rest = p;
+  jump.length *= of_jump;
+  rest.length -= jump.length;
+  jump.to = rest.from = p.from + of_jump * (p.to - p.from);
+  TreeRow behind;
+  return advance(*euler_, jump, from, behind) && advance(*radau_, rest, behind, to);
 }
 
 std::string unsuited_to_radau_steps(const Scene& scene) {

@@ -1,7 +1,7 @@
 #pragma once
 // Steps of linear dynamics over the parts of a tree: Radau IIA with complementarity at both stages (the formulas are
-// those of core/host/stage_step.hpp), implicit Euler over the shortest parts, where the state may jump. Each length has
-// its own factorization and its own problem.
+// those of core/host/stage_step.hpp), implicit Euler at the begin of the shortest parts, where the state may jump. Each
+// length has its own factorization and its own problem.
 
 #include "../scene/scene.hpp"
 #include "tree_march.hpp"
