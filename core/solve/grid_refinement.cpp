@@ -159,7 +159,7 @@ std::optional<Result> GridRefinement::on_tree(double most_operations) {
   constexpr Index more = 4;       // steps than before, or no other attempt is made
   const bool march = options_.method == Method::march || options_.method == Method::automatic;
   if (!march || solved_->method != Method::march || solved_->impacts) return std::nullopt;
-  if (solved_->magnification > most_growth) return std::nullopt;
+  if (solved_->magnification > most_growth || solved_->unresolved_sources > goal_.smallest()) return std::nullopt;
   InnerOptions limited = options_;
   const double most = most_operations / (of_leaf * (operations(2) - operations(1)));
   if (most < double(limited.max_steps)) limited.max_steps = Index(most);
@@ -169,7 +169,7 @@ std::optional<Result> GridRefinement::on_tree(double most_operations) {
     note(options_.log, LogLevel::debug, "equal steps: %s", why.c_str());
     return std::nullopt;
   }
-  std::optional<Result> result = march_to_tolerance(scene_, limited, expected_, *solved_);
+  std::optional<Result> result = march_to_tolerance(scene_, limited, std::max(expected_, solved_->steps), *solved_);
   const double spent = clock_.lap();
   elapsed_ += spent;
   if (!result) return std::nullopt;
