@@ -153,14 +153,18 @@ bool RadauSteps::advance(Family<Scalar>& family, const Part& p, const TreeRow& f
   to.y = Y.tail(n);
   to.integral = from.integral + p.length * (s == 1 ? Y : Vector(0.75 * Y.head(n) + 0.25 * Y.tail(n)));
   // Where constraints are released or met y may be an impulse, of which Radau IIA makes 9/5.
-  to.apart.resize(0);
+  to.apart.resize(0), to.missed.resize(0);
   if constexpr (s == 2) {
     const double zero = no_sign * std::max(Y.maxCoeff(), from.y.maxCoeff());
     const auto acts = [zero](const auto& y) { return y.array() > zero; };
-    if ((acts(Y.head(n)) != acts(Y.tail(n)) || acts(from.y) != acts(Y.head(n))).any()) {
+    const auto early = (acts(from.y) != acts(Y.head(n))).eval();
+    if (early.any() || (acts(Y.head(n)) != acts(Y.tail(n))).any()) {
       TreeRow one;
       if (!advance(*euler_, p, from, one)) return false;
-      to.apart = (to.x - one.x).cwiseAbs();
+      // A switch before the first stage may be anywhere there: half the step need not see it either.
+      const Vector late = early.select((from.y - Y.head(n)).array().abs(), 0);
+      to.missed = part_nodes[0] * p.length * late;
+      to.apart = (to.x - one.x).cwiseAbs() + 4.0 / 9 * step.drive.leftCols(n).cwiseAbs() * late;
     }
   }
   return true;

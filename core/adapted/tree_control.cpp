@@ -21,7 +21,7 @@ TreeMarch::Measure measure(const TreeGoal& goal, double local, const Result& see
     const Vector size_of_y = y.cwiseMax(of_y * two.y.cwiseAbs());  // behind a jump y may be far above its rows
     const double e = std::max({largest_share((one.x - two.x).cwiseAbs(), x), largest_share(apart, size_of_y),
                                largest_share((one.integral - two.integral).cwiseAbs(), mean)});
-    return one.apart.size() > 0 ? std::max(e, largest_share(one.apart, x)) : e;
+    return one.apart.size() > 0 ? std::max({e, largest_share(one.apart, x), largest_share(one.missed, mean)}) : e;
   };
 }
 

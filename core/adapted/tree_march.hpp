@@ -20,8 +20,9 @@ namespace bromwich {
 /// A solution at one time.
 struct TreeRow {
   Vector x, y;
-  Vector integral;    ///< of y over [0, t]
-  Vector apart = {};  ///< of x, between two methods in the step that ends here; empty: it was not looked at
+  Vector integral;     ///< of y over [0, t]
+  Vector apart = {};   ///< of x, between two methods in the step that ends here; empty: it was not looked at
+  Vector missed = {};  ///< of the integral of y: what a switch before the first stage may make; likewise
 };
 
 /// Rows at some times.

@@ -120,6 +120,27 @@ TEST(AdaptedMarch, FollowsAFieldBehindAnImpulse) {
   }
 }
 
+// A relay that opens when a clock x2 = t passes c, wherever that is between the nodes of a step: y = 2 until then.
+TEST(AdaptedMarch, FindsJumpsOfYAtAnyTime) {
+  constexpr double tolerance = 1e-4;
+  Scene scene = held(
+      {0, 0}, [](double, Eigen::Ref<Vector> g) { g << 0, 2; }, 1);
+  scene.dynamics = DenseDynamics{Matrix::Zero(2, 2), Matrix{{1, 0}, {0, 0}}, Matrix{{0, 1}, {0, 0}}};
+  scene.M = Matrix{{0, 1}, {-1, 0}};
+  scene.f = [](double, Eigen::Ref<Vector> f) { f << -1, 1; };
+  for (int k = 0; k < 40; ++k) {
+    const double c = 0.5 + k / 2560.0;
+    scene.g = [c](double, Eigen::Ref<Vector> g) { g << -c, 2; };
+    const Result r = to_tolerance(scene, tolerance);
+    ASSERT_EQ(r.status, Status::solved) << r.reason;
+    for (Index j = 1; j <= r.steps; ++j) {
+      const double on = std::min(r.t[j], c);
+      EXPECT_NEAR(r.x(j, 0), 2 * on - r.t[j], tolerance) << c << ' ' << r.t[j];
+      EXPECT_NEAR(r.y_integral(j, 0), 2 * on, 2 * tolerance) << c << ' ' << r.t[j];
+    }
+  }
+}
+
 Scene melting(Index m, double T) {
   const double dx = 1 / double(m + 1);
   Matrix A = Matrix::Zero(m, m);
