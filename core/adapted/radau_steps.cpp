@@ -157,14 +157,16 @@ bool RadauSteps::advance(Family<Scalar>& family, const Part& p, const TreeRow& f
   if constexpr (s == 2) {
     const double zero = no_sign * std::max(Y.maxCoeff(), from.y.maxCoeff());
     const auto acts = [zero](const auto& y) { return y.array() > zero; };
-    const auto early = (acts(from.y) != acts(Y.head(n))).eval();
-    if (early.any() || (acts(Y.head(n)) != acts(Y.tail(n))).any()) {
+    const bool early = (acts(from.y) != acts(Y.head(n))).any(), inside = (acts(Y.head(n)) != acts(Y.tail(n))).any();
+    if (early || inside) {
       TreeRow one;
       if (!advance(*euler_, p, from, one)) return false;
-      // A switch before the first stage may be anywhere there: half the step need not see it either.
-      const Vector late = early.select((from.y - Y.head(n)).array().abs(), 0);
-      to.missed = part_nodes[0] * p.length * late;
-      to.apart = (to.x - one.x).cwiseAbs() + 4.0 / 9 * step.drive.leftCols(n).cwiseAbs() * late;
+      // A switch may be anywhere between two stages, and half the step need not see it.
+      Vector late = Vector::Zero(n);
+      if (early) late += part_nodes[0] * (from.y - Y.head(n)).cwiseAbs();
+      if (inside) late += (0.75 - part_nodes[0]) * (Y.head(n) - Y.tail(n)).cwiseAbs();
+      to.missed = p.length * late;
+      to.apart = (to.x - one.x).cwiseAbs() + 4.0 / 3 * step.drive.leftCols(n).cwiseAbs() * late;
     }
   }
   return true;

@@ -22,7 +22,7 @@ struct TreeRow {
   Vector x, y;
   Vector integral;     ///< of y over [0, t]
   Vector apart = {};   ///< of x, between two methods in the step that ends here; empty: it was not looked at
-  Vector missed = {};  ///< of the integral of y: what a switch before the first stage may make; likewise
+  Vector missed = {};  ///< of the integral of y: what switches between two stages may make; likewise
 };
 
 /// Rows at some times.

@@ -120,23 +120,26 @@ TEST(AdaptedMarch, FollowsAFieldBehindAnImpulse) {
   }
 }
 
-// A relay that opens when a clock x2 = t passes c, wherever that is between the nodes of a step: y = 2 until then.
+// A relay: y_1 is 2 + r x_3 while x_2 is below c, where y_2 = c - x_2, and jumps to 0 there, between any two nodes of a
+// step. With x_2' = 1 + y_1 / 2 and x_3' = y_2 / 2 the first phase is an oscillation of frequency sqrt(r) / 2.
 TEST(AdaptedMarch, FindsJumpsOfYAtAnyTime) {
-  constexpr double tolerance = 1e-4;
-  Scene scene = held(
-      {0, 0}, [](double, Eigen::Ref<Vector> g) { g << 0, 2; }, 1);
-  scene.dynamics = DenseDynamics{Matrix::Zero(2, 2), Matrix{{1, 0}, {0, 0}}, Matrix{{0, 1}, {0, 0}}};
+  constexpr double tolerance = 1e-4, r = 0.04, omega = 0.1;
+  Scene scene = held({0, 0}, {}, 1);
+  scene.dynamics = DenseDynamics{Matrix::Zero(3, 3), Matrix{{1, 0}, {0.5, 0}, {0, 0.5}}, Matrix{{0, 1, 0}, {0, 0, r}}};
   scene.M = Matrix{{0, 1}, {-1, 0}};
-  scene.f = [](double, Eigen::Ref<Vector> f) { f << -1, 1; };
+  scene.x0 = Vector::Zero(3);
+  scene.f = [](double, Eigen::Ref<Vector> f) { f << -1, 1, 0; };
   for (int k = 0; k < 40; ++k) {
-    const double c = 0.5 + k / 2560.0;
+    const double c = 1 + k / 1280.0, until = std::atan(c * omega / 2) / omega;
     scene.g = [c](double, Eigen::Ref<Vector> g) { g << -c, 2; };
-    const Result r = to_tolerance(scene, tolerance);
-    ASSERT_EQ(r.status, Status::solved) << r.reason;
-    for (Index j = 1; j <= r.steps; ++j) {
-      const double on = std::min(r.t[j], c);
-      EXPECT_NEAR(r.x(j, 0), 2 * on - r.t[j], tolerance) << c << ' ' << r.t[j];
-      EXPECT_NEAR(r.y_integral(j, 0), 2 * on, 2 * tolerance) << c << ' ' << r.t[j];
+    const Result found = to_tolerance(scene, tolerance);
+    ASSERT_EQ(found.status, Status::solved) << found.reason;
+    for (Index j = 1; j <= found.steps; ++j) {
+      const double on = std::min(found.t[j], until);
+      const double below = c * std::cos(omega * on) - 2 / omega * std::sin(omega * on);  // c - x_2
+      const double integral = 2 * (c - below - on);
+      EXPECT_NEAR(found.x(j, 0), integral - found.t[j], tolerance) << c << ' ' << found.t[j];
+      EXPECT_NEAR(found.y_integral(j, 0), integral, tolerance) << c << ' ' << found.t[j];
     }
   }
 }
