@@ -3,13 +3,15 @@
 //
 // symbol  meaning
 // S, k    active set and its size; `index` lists it
-// A       M_SS, then its inverse, k x k, in shared memory or in a slab of the block
+// A       M_SS and q_S beside it, k x (k + 1), in shared memory or in a slab of the block; M_SS becomes its inverse
+// where
+//         that is wanted, q_S becomes M_SS^{-1} q_S
 // d       shift of the diagonal, eps R C for M + eps I
 //
-// A sweep inverts A by blocked Gauss-Jordan elimination without row exchanges (the leading minors of a P-matrix are
-// positive), then y_S = -A^{-1} q_S with a step of refinement. Indices with the wrong sign are exchanged all at once;
-// if that lessens their number too seldom, the last one alone, until it does: this ends for P-matrices (Judice and
-// Pires, Computers and Operations Research 21, 1994).
+// A sweep eliminates by blocks of eight columns from all rows (Gauss-Jordan), without row exchanges, as all leading
+// minors of a P-matrix are positive. Indices with the wrong sign are exchanged all at once; if that lessens their
+// number too seldom, the last one alone, until it does: this ends for P-matrices (Judice and Pires, Computers and
+// Operations Research 21, 1994).
 //
 // Semidefinite M: y_eps of M + eps I tends to the solution of least norm, with one active set S for all small eps. On S
 // the refinement y <- y - (A + d)^{-1} (q_S + A y) tends to M_SS^+ (-q_S), as the inverse maps the range of M_SS to
@@ -17,6 +19,7 @@
 
 #include "kernels/lcp_dense.hpp"
 #include "kernels/lcp_outcome.cuh"
+#include "kernels/reciprocal.cuh"
 
 #include <cmath>
 
@@ -24,7 +27,7 @@ namespace bromwich::cuda {
 
 class BlockProblem {
  public:
-  static constexpr int most_threads = 256;
+  static constexpr int most_threads = 512;
   /// Values in shared memory beside A.
   static constexpr Index beside(Index n) { return 5 * n + panel * panel + most_threads / 32 + (5 * n + 11) / 8; }
 
@@ -63,7 +66,6 @@ class BlockProblem {
     for (int sweep = 0; sweep < most_sweeps; ++sweep) {
       ++sweeps;
       list();
-      invert(eps);
       solve(eps);
       int wrong = 0, last = -1;
       for (int i = threadIdx.x; i < n_; i += blockDim.x)
@@ -98,7 +100,8 @@ class BlockProblem {
   __device__ int warps() const { return int(blockDim.x) / 32; }
   __device__ int warp() const { return int(threadIdx.x) / 32; }
   __device__ int lane() const { return int(threadIdx.x) % 32; }
-  __device__ double* A() const { return k * k <= room_ ? shared_ : slab_; }
+  __device__ int width() const { return k + 1; }
+  __device__ double* A() const { return k * width() <= room_ ? shared_ : slab_; }
 
   template <class Join>
   __device__ double over_block(double mine, Join join) {
@@ -136,7 +139,7 @@ class BlockProblem {
   __device__ bool invert_pivots(int from, int b) {
     bool fine = true;
     for (int c = 0; c < b; ++c) {
-      const double pivot = D_[c * panel + c], over = 1 / pivot;
+      const double pivot = D_[c * panel + c], over = reciprocal(pivot);
       const int s = index[from + c];
       fine = fine && pivot > 16 * n_ * epsilon * m_.M[long(s) * n_ + s];
       double fresh[2];
@@ -157,67 +160,89 @@ class BlockProblem {
     return fine;
   }
 
-  // A <- (M_SS + d)^{-1}.
-  __device__ void invert(double eps) {
+  // y_S of M + d; also the inverse.
+  template <bool inverse>
+  __device__ void eliminate(double eps) {
     double* a = A();
-    for (int e = threadIdx.x; e < k * k; e += blockDim.x) {
-      const int i = index[e / k], l = index[e % k];
-      a[e] = m_.M[long(i) * n_ + l] + (i == l ? shift(eps, i) : 0);
+    for (int i = warp(); i < k; i += warps()) {
+      const double* row = m_.M + long(index[i]) * n_;
+#pragma unroll 4
+      for (int l = lane(); l < k; l += 32) a[i * width() + l] = row[index[l]] + (i == l ? shift(eps, index[i]) : 0);
+      if (lane() == 0) a[i * width() + k] = q[index[i]];
     }
     bool fine = true;
     for (int from = 0; from < k; from += panel) {
       const int b = min(panel, k - from);
       __syncthreads();
       for (int e = threadIdx.x; e < panel * panel; e += blockDim.x)
-        if (e / panel < b && e % panel < b) D_[e] = a[(from + e / panel) * k + from + e % panel];
+        D_[e] = e / panel < b && e % panel < b ? a[(from + e / panel) * width() + from + e % panel] : 0;
       __syncthreads();
       if (warp() == 0) fine = invert_pivots(from, b) && fine;
       __syncthreads();
-      for (int l = threadIdx.x; l < k; l += blockDim.x) {  // rows of the panel
-        if (l >= from && l < from + b) continue;
-        double old[panel];
-        for (int c = 0; c < panel; ++c) old[c] = c < b ? a[(from + c) * k + l] : 0;
-        for (int c = 0; c < b; ++c) {
-          double sum = 0;
-          for (int h = 0; h < panel; ++h) sum += (h < b ? D_[c * panel + h] : 0) * old[h];
-          a[(from + c) * k + l] = sum;
-        }
+      for (int l = (inverse ? 0 : from + b) + int(threadIdx.x); l <= k; l += blockDim.x)
+        if (l < from || l >= from + b) multiply_panel(a, from, b, l);
+      __syncthreads();
+      for (int i = warp() * rows_together; i < k; i += warps() * rows_together) eliminate_rows<inverse>(a, i, from, b);
+      if constexpr (inverse) {
+        __syncthreads();
+        for (int e = threadIdx.x; e < panel * panel; e += blockDim.x)
+          if (e / panel < b && e % panel < b) a[(from + e / panel) * width() + from + e % panel] = D_[e];
       }
-      __syncthreads();
-      for (int i = warp() * rows_together; i < k; i += warps() * rows_together) eliminate(a, i, from, b);
-      __syncthreads();
-      for (int e = threadIdx.x; e < panel * panel; e += blockDim.x)
-        if (e / panel < b && e % panel < b) a[(from + e / panel) * k + from + e % panel] = D_[e];
     }
     positive = largest_of_block(fine ? 0 : 1) == 0;
+    for (int c = threadIdx.x; c < k; c += blockDim.x) y[c] = -a[c * width() + k];
+    __syncthreads();
   }
 
-  // Rows i .. i + 3 of the others, by a warp.
-  __device__ void eliminate(double* a, int i, int from, int b) {
+  // Column l of the rows of the panel, times the inverse of its pivots.
+  __device__ void multiply_panel(double* a, int from, int b, int l) {
+    double old[panel];
+#pragma unroll
+    for (int c = 0; c < panel; ++c) old[c] = c < b ? a[(from + c) * width() + l] : 0;
+    for (int c = 0; c < b; ++c) {
+      double sum = 0;
+#pragma unroll
+      for (int h = 0; h < panel; ++h) sum += D_[c * panel + h] * old[h];
+      a[(from + c) * width() + l] = sum;
+    }
+  }
+
+  // Columns of the panel eliminated from rows i .. i + 3, if they are not in it; by a warp.
+  template <bool inverse>
+  __device__ void eliminate_rows(double* a, int i, int from, int b) {
     double f[rows_together][panel];
-    for (int r = 0; r < rows_together; ++r)
-      for (int c = 0; c < panel; ++c) {
-        const bool other = i + r < k && (i + r < from || i + r >= from + b);
-        f[r][c] = other && c < b ? a[(i + r) * k + from + c] : 0;
-      }
+    bool other[rows_together];
+#pragma unroll
+    for (int r = 0; r < rows_together; ++r) {
+      other[r] = i + r < k && (i + r < from || i + r >= from + b);
+#pragma unroll
+      for (int c = 0; c < panel; ++c) f[r][c] = other[r] && c < b ? a[(i + r) * width() + from + c] : 0;
+    }
     __syncwarp();
-    for (int l = lane(); l < k; l += 32) {
+    for (int l = (inverse ? 0 : from + b) + lane(); l <= k; l += 32) {
       if (l >= from && l < from + b) continue;
       double u[panel];
-      for (int c = 0; c < panel; ++c) u[c] = c < b ? a[(from + c) * k + l] : 0;
+#pragma unroll
+      for (int c = 0; c < panel; ++c) u[c] = c < b ? a[(from + c) * width() + l] : 0;
+#pragma unroll
       for (int r = 0; r < rows_together; ++r) {
-        if (i + r >= k || (i + r >= from && i + r < from + b)) continue;
-        double sum = a[(i + r) * k + l];
+        if (!other[r]) continue;
+        double sum = a[(i + r) * width() + l];
+#pragma unroll
         for (int c = 0; c < panel; ++c) sum -= f[r][c] * u[c];
-        a[(i + r) * k + l] = sum;
+        a[(i + r) * width() + l] = sum;
       }
     }
-    if (lane() >= b) return;
-    for (int r = 0; r < rows_together; ++r) {
-      if (i + r >= k || (i + r >= from && i + r < from + b)) continue;
-      double sum = 0;
-      for (int c = 0; c < panel; ++c) sum -= f[r][c] * (c < b ? D_[c * panel + lane()] : 0);
-      a[(i + r) * k + from + lane()] = sum;
+    if constexpr (inverse) {
+      if (lane() >= b) return;
+#pragma unroll
+      for (int r = 0; r < rows_together; ++r) {
+        if (!other[r]) continue;
+        double sum = 0;
+#pragma unroll
+        for (int c = 0; c < panel; ++c) sum -= f[r][c] * D_[c * panel + lane()];
+        a[(i + r) * width() + from + lane()] = sum;
+      }
     }
   }
 
@@ -227,7 +252,7 @@ class BlockProblem {
     const double* a = A();
     for (int c = warp(); c < k; c += warps()) {
       double sum = 0;
-      for (int l = lane(); l < k; l += 32) sum += a[c * k + l] * value_at(l);
+      for (int l = lane(); l < k; l += 32) sum += a[c * width() + l] * value_at(l);
       for (int s = 16; s > 0; s /= 2) sum += __shfl_xor_sync(~0u, sum, s);
       if (lane() == 0) out[c] = sum;
     }
@@ -249,18 +274,18 @@ class BlockProblem {
     __syncthreads();
   }
 
-  // y of M + d, value.
+  // y of M + d, value. The inverse of a semidefinite matrix with a small shift is refined, and kept for its limit.
   __device__ void solve(double eps) {
-    apply_inverse([&](int c) { return q[index[c]]; }, y);
-    for (int c = threadIdx.x; c < k; c += blockDim.x) y[c] = -y[c];
-    __syncthreads();
-    for (int again = 0; again < 2; ++again) {
+    if (eps > 0) {
+      eliminate<true>(eps);
       multiply(y, [&](int i, double sum, double) { value[i] = q[i] + sum; });
-      if (again == 1) break;
       apply_inverse([&](int c) { return value[index[c]] + shift(eps, index[c]) * y[c]; }, step_);
       for (int c = threadIdx.x; c < k; c += blockDim.x) y[c] -= step_[c];
       __syncthreads();
+    } else {
+      eliminate<false>(0);
     }
+    multiply(y, [&](int i, double sum, double) { value[i] = q[i] + sum; });
     for (int c = threadIdx.x; c < k; c += blockDim.x) value[index[c]] = y[c];
     __syncthreads();
   }

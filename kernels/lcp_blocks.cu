@@ -18,7 +18,7 @@ __global__ void __launch_bounds__(BlockProblem::most_threads)
   let_next_begin();
   await_previous();
   Outcomes outcomes(target);
-  BlockProblem problem(m, shared, room, slabs + long(blockIdx.x) * m.n * m.n);
+  BlockProblem problem(m, shared, room, slabs + long(blockIdx.x) * m.n * (m.n + 1));
   const int count = left.rows ? *left.count : rows - first;
   for (int p = blockIdx.x; p < count; p += gridDim.x) {
     const int j = left.rows ? left.rows[p] : first + p;
@@ -52,7 +52,7 @@ __global__ void __launch_bounds__(BlockProblem::most_threads)
 BlockLcp::BlockLcp(const Device& device, Index n, Index rows, double largest)
     : device_(device), eps_(1e-3 * largest), threads_(n <= largest_in_lanes ? 128 : BlockProblem::most_threads) {
   const Index most = Index(device.shared_memory() / sizeof(double)) - BlockProblem::beside(n);
-  room_ = int(std::min(n * n, most));
+  room_ = int(std::min(n * (n + 1), most));
   shared_ = sizeof(double) * std::size_t(room_ + BlockProblem::beside(n));
   check(cudaFuncSetAttribute(solve_by_blocks, cudaFuncAttributeMaxDynamicSharedMemorySize, int(device.shared_memory())),
         "preparing the complementarity problems");
@@ -60,7 +60,7 @@ BlockLcp::BlockLcp(const Device& device, Index n, Index rows, double largest)
   check(cudaOccupancyMaxActiveBlocksPerMultiprocessor(&of_each, solve_by_blocks, int(threads_), shared_),
         "preparing the complementarity problems");
   blocks_ = unsigned(std::min(rows, Index(of_each) * device.multiprocessors()));
-  if (n * n > room_) slabs_ = Memory<double>(device, std::size_t(blocks_) * std::size_t(n * n));
+  if (n * (n + 1) > room_) slabs_ = Memory<double>(device, std::size_t(blocks_) * std::size_t(n * (n + 1)));
 }
 
 void BlockLcp::solve(const LcpArrays& arrays, const DenseProblems& m, int first, int rows, LeftRows left,

@@ -31,8 +31,8 @@ constexpr int most_sweeps = 24;  ///< Newton's method on random P-matrices takes
 __device__ inline int count_of(std::uint32_t set) { return __popc(set); }
 __device__ inline int count_of(std::uint64_t set) { return __popcll(set); }
 
-/// A problem of up to N unknowns in N/2 lanes.
-template <int N>
+/// A problem of up to N unknowns in N/2 lanes. `judge`: the signs of pivots matter.
+template <int N, bool judge>
 struct Lanes {
   using Set = std::conditional_t<N == 64, std::uint64_t, std::uint32_t>;
   static constexpr int G = N / 2, R = 2, groups = 32 / G;
@@ -71,14 +71,14 @@ struct Lanes {
   };
 
   template <int from>
-  __device__ __forceinline__ void gather(int begin, bool judge, Rows<from>& rows) const {
+  __device__ __forceinline__ void gather(int begin, Rows<from>& rows) const {
     constexpr int start = Rows<from>::start;
     int row[R];
 #pragma unroll
     for (int r = from; r < R; ++r) {
       row[r] = index[lane + G * r];
       rows.b[r] = row[r] < N ? -at_position[lane + G * r] : 0.0;
-      rows.least[r] = judge ? 16 * n * epsilon * entry(row[r], row[r]) : 0;
+      if (judge) rows.least[r] = 16 * n * epsilon * entry(row[r], row[r]);
       rows.own[r] = 1, rows.other[r] = 0;
     }
 #pragma unroll
@@ -99,7 +99,7 @@ struct Lanes {
 
   /// Eliminates columns c and c + 1, c even, from all other rows. c is known when it is compiled.
   template <int from>
-  __device__ __forceinline__ void eliminate_pair(int c, bool judge, Rows<from>& rows) const {
+  __device__ __forceinline__ void eliminate_pair(int c, Rows<from>& rows) const {
     constexpr int start = Rows<from>::start;
     const int slot = c / G;
     double *first = lines + (c / 2 % 2) * 2 * line, *second = first + line;
@@ -145,14 +145,14 @@ struct Lanes {
   }
 
   /// y_S from q_S; positions below `begin` are unused by the whole warp. Returns whether all pivots were positive, if
-  /// asked to judge them.
+  /// that is judged.
   template <int from>
-  __device__ bool eliminate(int begin, bool judge) const {
+  __device__ bool eliminate(int begin) const {
     Rows<from> rows;
-    gather(begin, judge, rows);
+    gather(begin, rows);
 #pragma unroll
     for (int c = Rows<from>::start; c < N; c += 2)
-      if (c >= begin) eliminate_pair(c, judge, rows);
+      if (c >= begin) eliminate_pair(c, rows);
 #pragma unroll
     for (int r = from; r < R; ++r) {
       const double partner = __shfl_xor_sync(~0u, rows.b[r], 1);
@@ -161,10 +161,10 @@ struct Lanes {
     return rows.positive;
   }
 
-  __device__ bool eliminate(int begin, bool judge) const {
+  __device__ bool eliminate(int begin) const {
     if constexpr (N == 16)  // larger ones: instructions are read more slowly than the half of them is worth
-      if (begin >= G) return eliminate<1>(begin, judge);
-    return eliminate<0>(begin, judge);
+      if (begin >= G) return eliminate<1>(begin);
+    return eliminate<0>(begin);
   }
 
   /// M and its scales in shared memory, with zeros beyond n.
@@ -213,10 +213,10 @@ struct Lanes {
   }
 };
 
-template <int N>
-__global__ void __launch_bounds__(32 * warps, Lanes<N>::blocks)
+template <int N, bool judge>
+__global__ void __launch_bounds__(32 * warps, Lanes<N, judge>::blocks)
     newton_in_lanes(LcpArrays arrays, DenseProblems m, int first, int rows, LeftRows left, OutcomeTarget target) {
-  using L = Lanes<N>;
+  using L = Lanes<N, judge>;
   using Set = typename L::Set;
   constexpr int R = L::R, G = L::G, groups = L::groups;
   extern __shared__ __align__(16) double shared[];
@@ -270,7 +270,7 @@ __global__ void __launch_bounds__(32 * warps, Lanes<N>::blocks)
     const bool fits = N - most >= L::front;
     const int begin = (N - most) & ~1;
     lanes.list(set, q, position);
-    const bool positive = fits && lanes.eliminate(begin, m.least);
+    const bool positive = fits && lanes.eliminate(begin);
     __syncwarp();
     ++sweeps;
     double value[R];
@@ -280,7 +280,7 @@ __global__ void __launch_bounds__(32 * warps, Lanes<N>::blocks)
     const Set flips = set_of(wrong);
     done = j < rows && (!fits || flips == 0 || sweeps >= most_sweeps);
     if (__any_sync(~0u, done)) {
-      const bool accepted = !m.least || (__ballot_sync(~0u, positive) >> (group * G) & members) == members;
+      const bool accepted = !judge || (__ballot_sync(~0u, positive) >> (group * G) & members) == members;
       double change = 0, magnitude = 0;
       for (int r = 0; r < R; ++r) {
         const double y = set >> (lane + G * r) & 1 ? value[r] : 0.0;
@@ -309,11 +309,11 @@ __global__ void __launch_bounds__(32 * warps, Lanes<N>::blocks)
 template <int N>
 void launch(const Device& device, const LcpArrays& arrays, const DenseProblems& m, int first, int rows, LeftRows left,
             const OutcomeTarget& target) {
-  using L = Lanes<N>;
+  using L = Lanes<N, false>;
   const int of_block = warps * L::groups, most = L::blocks * device.multiprocessors();
   const unsigned blocks = unsigned(std::min((rows - first + of_block - 1) / of_block, most));
-  follow(device, newton_in_lanes<N>, {blocks, 32 * warps, L::shared}, "starting the complementarity problems", arrays,
-         m, first, rows, left, target);
+  follow(device, m.least ? newton_in_lanes<N, true> : newton_in_lanes<N, false>, {blocks, 32 * warps, L::shared},
+         "starting the complementarity problems", arrays, m, first, rows, left, target);
 }
 
 }  // namespace
