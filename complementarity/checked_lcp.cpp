@@ -41,23 +41,23 @@ CheckedLcp::CheckedLcp(const LcpMatrix& M, LcpClass lcp_class) : scale_(equilibr
   }
 }
 
-CheckedLcp::Verdict CheckedLcp::judge(const Vector& q, const Vector& y, Vector& w) {
+CheckedLcp::Verdict CheckedLcp::judge(const Vector& q, const Vector& y, Vector& w, SlackTerms& scratch) const {
   const Vector scaled_q = scale_.rows.cwiseProduct(q), scaled_y = y.cwiseQuotient(scale_.columns);
   // Precondition: y is not empty.
   if (sparse_) {
-    slack_.w = *sparse_ * scaled_y + scaled_q;
-    slack_.terms = sparse_->cwiseAbs() * scaled_y + scaled_q.cwiseAbs();
+    scratch.w = *sparse_ * scaled_y + scaled_q;
+    scratch.terms = sparse_->cwiseAbs() * scaled_y + scaled_q.cwiseAbs();
   } else {
-    slack_.evaluate(dense_, scaled_q, scaled_y);
+    scratch.evaluate(dense_, scaled_q, scaled_y);
   }
   Verdict verdict;
-  verdict.solution = y.allFinite() && y.minCoeff() >= 0 && is_solution(slack_, scaled_q, scaled_y);
-  w = slack_.w.cwiseQuotient(scale_.rows);
+  verdict.solution = y.allFinite() && y.minCoeff() >= 0 && is_solution(scratch, scaled_q, scaled_y);
+  w = scratch.w.cwiseQuotient(scale_.rows);
   verdict.margin = INFINITY;
   for (Index i = 0; i < y.size(); ++i) {
-    const double size = std::max(slack_.terms[i], scaled_y[i]);
-    const double apart = std::max(scaled_y[i], slack_.w[i]), miss = std::abs(std::min(scaled_y[i], slack_.w[i]));
-    if (slack_.terms[i] > 0) verdict.residual = std::max(verdict.residual, miss / slack_.terms[i]);
+    const double size = std::max(scratch.terms[i], scaled_y[i]);
+    const double apart = std::max(scaled_y[i], scratch.w[i]), miss = std::abs(std::min(scaled_y[i], scratch.w[i]));
+    if (scratch.terms[i] > 0) verdict.residual = std::max(verdict.residual, miss / scratch.terms[i]);
     verdict.margin = std::min(verdict.margin, size > 0 ? apart / size : 0);
     if (y[i] > 0) w[i] = 0;
   }

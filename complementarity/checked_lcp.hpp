@@ -21,8 +21,8 @@ class CheckedLcp {
     bool solution = false;
     double residual = 0, margin = 0;
   };
-  /// y >= 0 and min(y, w) = 0 to rounding; w = M y + q, 0 where y > 0.
-  Verdict judge(const Vector& q, const Vector& y, Vector& w);
+  /// y >= 0 and min(y, w) = 0 to rounding; w = M y + q, 0 where y > 0. Any number of threads may ask.
+  Verdict judge(const Vector& q, const Vector& y, Vector& w, SlackTerms& scratch) const;
 
   /// By active sets, from {start > 0}, with the fallbacks of the class.
   LcpStatus solve(const Vector& q, const Vector& start, Vector& y, Index& iterations);
@@ -37,7 +37,6 @@ class CheckedLcp {
   Matrix original_;                     ///< for single solves; of others than dense ones made by the first
   LcpMatrix given_;
   std::optional<ActiveSetLcp> solver_;
-  SlackTerms slack_;
 };
 
 /// The class if it is found in O(n^3): that of `classify`, whose exact test of P is left out above n = 8.

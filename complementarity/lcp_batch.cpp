@@ -59,10 +59,13 @@ LcpBatchResult without_unknowns(LcpBatchResult result) {
   return result;
 }
 
+constexpr Index rows_together = 64;  ///< judged by a thread at a time
+
 // Takes y if it is a solution.
-bool take(CheckedLcp& problem, const Vector& q, const Vector& y, Index k, LcpBatchResult& result) {
+bool take(const CheckedLcp& problem, const Vector& q, const Vector& y, Index k, SlackTerms& scratch,
+          LcpBatchResult& result) {
   Vector w;
-  const CheckedLcp::Verdict verdict = problem.judge(q, y, w);
+  const CheckedLcp::Verdict verdict = problem.judge(q, y, w, scratch);
   if (!verdict.solution) return false;
   result.y.row(k) = y.array() + 0.0;  // no -0
   result.w.row(k) = w;
@@ -74,10 +77,11 @@ bool take(CheckedLcp& problem, const Vector& q, const Vector& y, Index k, LcpBat
 
 void solve_singly(CheckedLcp& problem, const Vector& q, const Vector& start, Index k, LcpBatchResult& result) {
   Vector y;
+  SlackTerms scratch;
   LcpStatus& status = result.status[std::size_t(k)];
   status = problem.solve(q, start, y, result.iterations[std::size_t(k)]);
   // From another start it may be another active set that passes.
-  if (status == LcpStatus::solved && !take(problem, q, y, k, result)) status = LcpStatus::unsolved;
+  if (status == LcpStatus::solved && !take(problem, q, y, k, scratch, result)) status = LcpStatus::unsolved;
 }
 
 Vector start_of(const LcpBatchOptions& options, Index k) {
@@ -136,13 +140,17 @@ LcpBatchResult lcp_batch(const LcpMatrix& M, const RowMatrix& q, Backend& backen
   Index mean = 0;
   const RowMatrix y = by_backend(M, c, finite, backend, options, mean);
   std::fill(result.iterations.begin(), result.iterations.end(), mean);
-  for (Index k = 0; k < count; ++k) {
-    const Vector right = q.row(k);
-    if (!right.allFinite())
-      result.status[std::size_t(k)] = LcpStatus::nonfinite;
-    else if (!take(problem, right, y.row(k), k, result))
-      solve_singly(problem, right, start_of(options, k), k, result);
-  }
+  share_each(backend, (count + rows_together - 1) / rows_together, [&](Index part) {
+    SlackTerms scratch;
+    for (Index k = part * rows_together; k < std::min(count, (part + 1) * rows_together); ++k)
+      if (!q.row(k).allFinite())
+        result.status[std::size_t(k)] = LcpStatus::nonfinite;
+      else
+        take(problem, q.row(k), y.row(k), k, scratch, result);
+  });
+  for (Index k = 0; k < count; ++k)
+    if (result.status[std::size_t(k)] == LcpStatus::unsolved)
+      solve_singly(problem, q.row(k), start_of(options, k), k, result);
   return result;
 }
 

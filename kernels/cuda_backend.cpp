@@ -162,13 +162,13 @@ class CudaBackend final : public Backend, public SharedMemory, public ChunkMarch
     return std::visit([&](const auto* w) { return cuda::make_convolution(device_, *w, rows); }, weights);
   }
   std::unique_ptr<LcpBatch> shifted_lcp(const LcpMatrix& M, LcpClass lcp_class, double shift, Index rows) override {
-    // The least-norm solution of a semidefinite problem needs more than an active set.
+    // The least-norm solution of a semidefinite problem needs more than an active set: kernels of dense M have it.
     const bool semidefinite = selects_least_norm(selection_class(M, lcp_class));
     const auto* tridiagonal = std::get_if<Tridiagonal>(&M);
     std::unique_ptr<LcpBatch> plan;
     if (!semidefinite && tridiagonal && size(M) > 0)
       plan = cuda::make_tridiagonal_lcp(device_, *tridiagonal, lcp_class, shift, rows);
-    else if (!semidefinite && std::holds_alternative<Matrix>(M) && shift == 0 && size(M) > 0)
+    else if (std::holds_alternative<Matrix>(M) && shift == 0 && size(M) > 0)
       plan = cuda::make_dense_lcp(device_, std::get<Matrix>(M), lcp_class, rows);
     else if (const SparseMatrix* sparse = sparse_of(M); !semidefinite && sparse && shift == 0 && size(M) > 0)
       plan = cuda::make_face_lcp(device_, *sparse, rows);

@@ -30,8 +30,9 @@ class Outcomes {
     target_.rows[j] = -sweeps;
   }
 
-  /// Called once by all threads of the block (whole warps). `alone`: only its first thread has counted.
-  template <bool alone = false>
+  /// Called once by all threads of the block (whole warps). `alone`: only its first thread has counted. `last_kernel`:
+  /// no kernel of the same batch follows.
+  template <bool alone = false, bool last_kernel = true>
   __device__ void finish() {
     __shared__ BatchOutcome block;
     if constexpr (!alone) {
@@ -41,7 +42,11 @@ class Outcomes {
       __syncthreads();
     }
     const BatchOutcome& sum = alone ? mine_ : block;
-    if (!target_.handed_over) return add(sum, *target_.totals);
+    if (!target_.handed_over) return add(sum, *target_.totals, last_kernel);
+    if constexpr (!last_kernel) {
+      if (threadIdx.x == 0 && sum.sweeps > 0) add(sum, *target_.sum);
+      return;
+    }
     if (threadIdx.x >= 32) return;
     bool last = false;
     if (threadIdx.x == 0) {
@@ -61,9 +66,9 @@ class Outcomes {
     if (part.settled != ~0u) atomicMin(&sum.settled, part.settled);
   }
 
-  __device__ static void add(const BatchOutcome& part, BatchTotals& totals) {
+  __device__ static void add(const BatchOutcome& part, BatchTotals& totals, bool last_kernel) {
     if (threadIdx.x != 0) return;
-    if (blockIdx.x == 0) atomicAdd(&totals.batches, 1ull);
+    if (last_kernel && blockIdx.x == 0) atomicAdd(&totals.batches, 1ull);
     atomicMax(&totals.magnitude, part.magnitude);
     atomicAdd(&totals.sweeps, part.sweeps);
     if (part.unsolved > 0) atomicAdd(&totals.unsolved, (unsigned long long)(part.unsolved));

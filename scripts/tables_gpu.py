@@ -82,17 +82,23 @@ def gpu_again(data):
 
 def gpu_operations(data):
     transforms = [row for row in data["rows"] if row["part"] == "transform"]
-    small = [row for row in data["rows"] if row["part"] == "small problems"]
     lines = []
     if transforms:
         lines += ["", "| points | product, of DGEMM | cuFFT |", "|--" * 3 + "|"]
     for row in transforms:
         lines.append(f"| {row['n']} | {seconds(row['product'])}, {100 * row['product_of_gemm']:.0f} % | {seconds(row['fft'])} |")
-    if small:
-        lines += ["", "| n | problems a batch | problems/s, warm | of copy |", "|--" * 4 + "|"]
-    for row in small:
-        lines.append(f"| {row['n']} | {row['rows']} | {row['problems_per_second']:.2e} | {100 * row['of_copy']:.0f} % |")
     return lines
+
+
+def lcp(data):
+    """Batches of dense problems: a row for each size, problems a second for each matrix and start."""
+    starts = [("dominant", "warm"), ("dominant", "cold"), ("random", "warm"), ("random", "cold"), ("semidefinite", "cold")]
+    rates = {(row["n"], row["matrix"], row["start"]): row["problems_per_second"] for row in data["rows"] if row["part"] == "small problems"}
+    lines = ["", "| n | " + " | ".join(f"{matrix}, {start}" for matrix, start in starts) + " |", "|--" * (len(starts) + 1) + "|"]
+    for n in sorted({n for n, _, _ in rates}):
+        cells = [f"{rates[n, *start]:.1e}" if (n, *start) in rates else "" for start in starts]
+        lines.append(f"| {n} | " + " | ".join(cells) + " |")
+    return [*lines, "", f"Problems a second, {data['parameters']['device']}, median of {data['repeats']} repeats."]
 
 
 def gpu_quotes(data):

@@ -121,6 +121,7 @@ appendices = {
     "docs/measurements/siconos.md": {"peers": ("peers", peers)},
     "docs/measurements/micro.md": {"micro": ("micro", micro), "convolution": ("convolution", studies.convolution)},
     "docs/measurements/gpu.md": {"gpu": ("gpu", device.gpu)},
+    "docs/lcp.md": {"lcp-gpu": ("lcp-gpu", device.lcp)},
     "docs/dual.md": {"dual-gpu": ("dual-gpu", dual), "dual-cpu": ("dual", dual)},
     "docs/chunks.md": {"chunks-scenes": ("chunks", chunks.scenes)},
     "docs/derivatives.md": {

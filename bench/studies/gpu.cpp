@@ -47,7 +47,8 @@ void check_request(const BenchRequest& request) {
   if (request.scene && *request.scene != "signorini")
     throw Error("SCENE", fmt::format("found '{}'", *request.scene), "leave it out: this benchmark uses signorini");
   for (const auto& [key, value] : request.settings)
-    if (key != "Q" && key != "table") throw Error("--set", "found '" + key + "'", "set Q, table = 1, or nothing");
+    if (key != "Q" && key != "table" && key != "problems")
+      throw Error("--set", "found '" + key + "'", "set Q, table = 1, problems = 1, or nothing");
 }
 
 std::vector<std::string> sweep_line(double Q, Index J, const Sweep& s, const Json& row) {
@@ -102,8 +103,9 @@ BenchReport bench_gpu(const BenchRequest& request, Backend& backend) {
   if (request.quick) points = {39}, grids = {400};
   if (request.settings.contains("Q")) points = {request.settings.at("Q")};
   if (request.steps > 0) grids = {request.steps};
-  const bool table_alone = request.settings.contains("table");  // the sweeps of Table 4.1 and nothing else
-  if (table_alone) points.clear();
+  const bool table_alone = request.settings.contains("table");        // the sweeps of Table 4.1 and nothing else
+  const bool problems_alone = request.settings.contains("problems");  // batches of problems and nothing else
+  if (table_alone || problems_alone) points.clear();
   std::vector<std::vector<std::string>> sweeps{
       {"Q", "J", "K", "sweep", "recorded", "LCP", "of copy", "transform", "of GEMM", "scan", "FFT"}};
   std::vector<std::vector<std::string>> solves{
@@ -128,10 +130,10 @@ BenchReport bench_gpu(const BenchRequest& request, Backend& backend) {
     }
   std::string transforms, small;
   if (!table_alone) {
-    transforms = measure_transforms(request.quick, ceilings, report);
+    if (!problems_alone) transforms = measure_transforms(request.quick, ceilings, report);
     small = measure_small_problems(*cuda, request.repeats(), request.quick, ceilings, report);
   }
-  add_paper(report);
+  if (!problems_alone) add_paper(report);
   print(fmt::format("{}: copy {:.2f} TB/s, DGEMM {:.1f} Tflop/s\n", cuda->device().name,
                     1e-12 * ceilings.copy_bytes_per_second, 1e-12 * ceilings.gemm_flops_per_second) +
         table(sweeps) + table(solves) + transforms + small);

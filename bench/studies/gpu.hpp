@@ -17,8 +17,15 @@ struct Sweep {
 Sweep measure_sweep(const Scene& scene, Backend& backend, Index J, int repeats);
 Json sweep_row(double Q, Index J, const Sweep&, const CudaCeilings&);
 
-/// Sine transforms in both forms, and batches of small dense problems: rows of the report, and its tables.
+/// y >= 0 that vanishes half of the time, smooth in both directions, and q = w - M y with w = 0 where y > 0.
+struct Known {
+  RowMatrix y, q;
+};
+Known known_solution(const LcpMatrix& M, Index rows);
+
+/// Sine transforms in both forms: rows of the report, and its table.
 std::string measure_transforms(bool quick, const CudaCeilings&, BenchReport&);
+/// Batches of dense problems by size, matrix and start (gpu_problems.cpp).
 std::string measure_small_problems(Backend& backend, int repeats, bool quick, const CudaCeilings&, BenchReport&);
 
 /// Whole solves on one grid by the CUDA backend and by the CPU with one core and with all cores, interleaved.

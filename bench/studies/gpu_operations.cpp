@@ -33,10 +33,9 @@ std::vector<double> timed(Backend& backend, int repeats, Run run) {
   return seconds;
 }
 
-/// y >= 0 that vanishes half of the time, smooth in both directions, and q = w - M y with w = 0 where y > 0.
-struct Known {
-  RowMatrix y, q;
-};
+std::string percent(double part) { return fmt::format("{:.0f} %", 100 * part); }
+
+}  // namespace
 
 Known known_solution(const LcpMatrix& M, Index rows) {
   const Index n = size(M);
@@ -49,10 +48,6 @@ Known known_solution(const LcpMatrix& M, Index rows) {
   }
   return known;
 }
-
-std::string percent(double part) { return fmt::format("{:.0f} %", 100 * part); }
-
-}  // namespace
 
 Sweep measure_sweep(const Scene& scene, Backend& backend, Index J, int repeats) {
   const auto& d = get<KroneckerDynamics>(scene.dynamics);
@@ -131,32 +126,6 @@ std::string measure_transforms(bool quick, const CudaCeilings& ceilings, BenchRe
                      percent(flops / seconds.product / ceilings.gemm_flops_per_second), format_seconds(seconds.fft)});
   }
   return fmt::format("sine transforms of {} rows\n", rows) + table(lines);
-}
-
-std::string measure_small_problems(Backend& backend, int repeats, bool quick, const CudaCeilings& ceilings,
-                                   BenchReport& report) {
-  std::vector<std::vector<std::string>> lines{{"n", "problems", "a batch", "problems/s", "of copy"}};
-  for (const Index n : {1, 2, 4, 8, 16, 32, 64}) {
-    const Index rows = quick ? 4096 : Index(1) << (n <= 8 ? 22 : 18);
-    Matrix M = Matrix::Constant(n, n, -1);
-    M.diagonal().setConstant(double(n) + 1);
-    const Known known = known_solution(LcpMatrix(M), rows);
-    const auto lcp = backend.lcp(LcpMatrix(M), LcpClass::P, rows);
-    const auto r = backend.array(rows, n), y = backend.array(rows, n), zero = backend.array(rows, n);
-    backend.upload(known.q, *r);
-    backend.upload(known.y, *y);
-    const auto seconds = timed(backend, repeats, [&] { lcp->solve(*r, *zero, *y, 0, 0); });
-    const double rate = double(rows) / median(seconds), bytes = 32 * double(n) * rate;
-    report.rows.push_back({{"part", "small problems"},
-                           {"n", n},
-                           {"rows", rows},
-                           {"seconds", spread(seconds)},
-                           {"problems_per_second", rate},
-                           {"of_copy", bytes / ceilings.copy_bytes_per_second}});
-    lines.push_back({fmt::format("{}", n), fmt::format("{}", rows), format_seconds(median(seconds)),
-                     fmt::format("{:.2e}", rate), percent(bytes / ceilings.copy_bytes_per_second)});
-  }
-  return "warm batches of dense problems of class P\n" + table(lines);
 }
 
 }  // namespace bromwich::app

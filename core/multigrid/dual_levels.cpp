@@ -123,41 +123,49 @@ DualLevels::Grid problem_of_grid(TimeOperator& finest, const GridPlan& plan) {
   return grid;
 }
 
-// V of all grids where they have the fit of the first one in common and need nothing else: on all threads. Empty: V of
-// a grid is made when its turn comes.
-std::vector<DualChoice> dual_weights_ahead(TimeOperator& finest, const std::vector<GridPlan>& plan,
-                                           const std::vector<DualLevels::Grid>& grids) {
+// V of each grid, up to the first one that is refused. Where the grids have the fit of the first one in common and need
+// nothing else: on all threads.
+std::vector<DualChoice> choose_all(TimeOperator& finest, const std::vector<GridPlan>& plan,
+                                   const std::vector<DualLevels::Grid>& grids) {
   const DiscreteProblem& p = finest.problem();
-  if (!p.modes() || p.small_state()) return {};
+  const auto choose = [&](std::size_t l, const DualWeights* finer) {
+    return dual_weights(grids[l].problem ? *grids[l].problem : p, plan[l].stages, finer);
+  };
   std::vector<DualChoice> all(plan.size());
-  all[0] = dual_weights(p, plan[0].stages, nullptr);
-  if (!all[0].weights) return all;
-  share_each(p.backend, Index(plan.size()) - 1, [&](Index i) {
-    const std::size_t l = std::size_t(i) + 1;
-    all[l] = dual_weights(grids[l].problem ? *grids[l].problem : p, plan[l].stages, &*all[0].weights);
-  });
+  all[0] = choose(0, nullptr);
+  if (p.modes() && !p.small_state() && all[0].weights)
+    share_each(p.backend, Index(plan.size()) - 1, [&](Index i) {
+      const std::size_t l = std::size_t(i) + 1;
+      all[l] = choose(l, &*all[0].weights);
+    });
+  else
+    for (std::size_t l = 1; l < plan.size() && all[l - 1].weights; ++l) all[l] = choose(l, &*all[l - 1].weights);
   return all;
 }
 
-// Adds a grid; false if V is refused there.
-bool add_dual_grid(TimeOperator& finest, const GridPlan& plan, DualLevels::Grid grid, DualChoice* ahead,
-                   std::optional<DualWeights>& V, DualLevels& all) {
+// Ends the plan above the first grid that is refused, whose neighbour is marched then; the reason if that cannot be.
+// How far a backend goes down must not decide whether there is a solution.
+std::string end_above_refused(const std::vector<DualChoice>& V, std::vector<GridPlan>& plan) {
+  const auto refused = std::find_if(V.begin(), V.end(), [](const DualChoice& choice) { return !choice.weights; });
+  if (refused == V.end()) return {};
+  const auto kept = std::size_t(refused - V.begin());
+  const auto related = std::size_t(std::count_if(plan.begin(), plan.end(), [](auto& g) { return g.stages == 2; }));
+  if (kept == 0 || kept < 2 * related || plan[kept - 1].steps > most_marched_dual) return refused->refusal;
+  plan.resize(kept);
+  plan.back().coarsest = true;
+  return {};
+}
+
+void add_dual_grid(TimeOperator& finest, const GridPlan& plan, DualLevels::Grid grid, DualWeights V, DualLevels& all) {
   TimeOperator& op = grid.op ? *grid.op : finest;
-  DualChoice choice = ahead ? std::move(*ahead) : dual_weights(op.problem(), plan.stages, V ? &*V : nullptr);
-  if (!choice.weights) {
-    all.refusal = std::move(choice.refusal);
-    return false;
-  }
   if (plan.has_sources && !grid.response) grid.response = make_dual_response(op, plan.stages);
-  V = std::move(choice.weights);
-  all.row_scale = V->row_scale;
-  all.P.push_back(V->P);
-  if (all.levels.size() == 0) all.levels.description = V->description;
-  all.levels.kernel_error = std::max(all.levels.kernel_error, V->error);
-  if (!plan.coarsest && std::isfinite(V->contraction)) all.contraction = std::max(all.contraction, V->contraction);
-  all.levels.grids.push_back(make_dual_level(op.problem(), *V, plan.stages, all.P.back(), plan.coarsest));
+  all.row_scale = V.row_scale;
+  all.P.push_back(V.P);
+  if (all.levels.size() == 0) all.levels.description = V.description;
+  all.levels.kernel_error = std::max(all.levels.kernel_error, V.error);
+  if (!plan.coarsest && std::isfinite(V.contraction)) all.contraction = std::max(all.contraction, V.contraction);
+  all.levels.grids.push_back(make_dual_level(op.problem(), V, plan.stages, all.P.back(), plan.coarsest));
   all.grids.push_back(std::move(grid));
-  return true;
 }
 
 // s of all grids, from x0, f and g of the finest problem.
@@ -227,20 +235,18 @@ std::unique_ptr<DualLevels> dual_levels(TimeOperator& op, Index stages, const Op
                         long(p.J), long(most_marched_dual));
     return all;
   }
-  const std::vector<GridPlan> plan = plan_grids(steps, stages);
+  std::vector<GridPlan> plan = plan_grids(steps, stages);
   all->stages = stages;
   all->P.reserve(plan.size());
   std::vector<DualLevels::Grid> grids;
   for (const GridPlan& grid : plan) grids.push_back(problem_of_grid(op, grid));
   grids[0].response = make_dual_response(op, stages);
   grids[0].response->prepare();  // beside the fit of V
-  std::vector<DualChoice> ahead = dual_weights_ahead(op, plan, grids);
-  std::optional<DualWeights> V;  // of the grid added last
+  std::vector<DualChoice> V = choose_all(op, plan, grids);
+  all->refusal = end_above_refused(V, plan);
+  if (!all->refusal.empty()) return all;
   for (std::size_t l = 0; l < plan.size(); ++l)
-    if (!add_dual_grid(op, plan[l], std::move(grids[l]), ahead.empty() ? nullptr : &ahead[l], V, *all)) {
-      all->levels.grids.clear();
-      return all;
-    }
+    add_dual_grid(op, plan[l], std::move(grids[l]), std::move(*V[l].weights), *all);
   TimeLevels& levels = all->levels;
   all->s.resize(levels.size());
   for (std::size_t l = 1; l < levels.size(); ++l)

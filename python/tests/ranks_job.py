@@ -69,7 +69,8 @@ def refused(work, *words):
 def refusals():
     scene = scene_of()
     refused(lambda: bromwich.solve(scene, steps=256, ranks=comm), "method", "auto", "multigrid, contour or dual")
-    refused(lambda: bromwich.solve(scene, steps=256, method="contour", ranks=comm, backend="cuda"), "cuda")
+    if not bromwich.backends()["cuda"].available:
+        refused(lambda: bromwich.solve(scene, steps=256, method="contour", ranks=comm, backend="cuda"), "cuda")
     refused(lambda: bromwich.solve(scene, steps=256, method="contour", ranks=comm, stop=lambda: False), "stop")
     refused(lambda: bromwich.solve(scene, steps=1, method="contour", ranks=comm), "ranks", "1 steps")
     refused(lambda: bromwich.solve(scene, ranks=3), "ranks", "int", "mpi4py")

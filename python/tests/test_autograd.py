@@ -345,7 +345,7 @@ def test_jax_forward_mode_and_scenes_that_fail(data):
         assert float(up - down) / (2 * step) == pytest.approx(float(fine[i]), rel=1e-4, abs=1e-2)
 
 
-@pytest.mark.filterwarnings("ignore:.*torch.jit.script:FutureWarning")  # PyTorch uses it itself
+@pytest.mark.filterwarnings("ignore:.*torch.jit.script")  # PyTorch uses it itself
 def test_torch_forward_mode_and_scenes_that_fail(data):
     torch = pytest.importorskip("torch")
     from bromwich.torch import STATUSES, solve

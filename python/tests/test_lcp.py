@@ -147,7 +147,7 @@ def expected(M, q):
     return scalar(r.y, r.w), r.vjp(2 * r.y, np.full_like(r.w, 0.5))
 
 
-@pytest.mark.filterwarnings("ignore::FutureWarning")  # of what torch.func imports
+@pytest.mark.filterwarnings("ignore::FutureWarning", "ignore:.*torch.jit.script")  # of what torch.func imports
 def test_gradients_by_torch():
     torch = pytest.importorskip("torch")
     from bromwich.torch import lcp

@@ -285,6 +285,25 @@ TEST_P(BackendLcp, LeastNormRows) {
       << "what has no solution has not settled, though it stands still";
 }
 
+// Symmetric M of rank n - 1. A solution y is that of least norm if y (z - y) >= 0 for all others, of which one is
+// known.
+TEST_P(BackendLcp, LeastNormRowsOfManyUnknowns) {
+  const Index rows = 21;
+  for (const Index n : {2, 7, 16, 24, 64, 90}) {
+    Random random{std::uint32_t(n)};
+    const Matrix G = random.matrix(n, n - 1), M = G * G.transpose() / double(n);
+    const RowMatrix signs = random.matrix(rows, n), known = signs.cwiseMax(0);
+    const RowMatrix q = RowMatrix((-signs).cwiseMax(0)) - known * M;
+    RowMatrix y = RowMatrix::Zero(rows, n);
+    const LcpReport report = solve(*backend->lcp(LcpMatrix(M), LcpClass::PSD, rows), q, y);
+    EXPECT_EQ(report.count.solved, rows) << n;
+    EXPECT_LE(residual, 1e-12) << n;
+    // Known to 1e-11 along the null space, where the shift of the least norm is 1e-3 to 1e-5 of M.
+    for (Index j = 0; j < rows; ++j)
+      EXPECT_GE(y.row(j).dot(known.row(j) - y.row(j)), -1e-10 * known.row(j).squaredNorm()) << n << ' ' << j;
+  }
+}
+
 TEST_P(BackendLcp, NotFiniteRows) {
   for (const Index n : {1, 3, 17, 20}) {
     Random random(6);

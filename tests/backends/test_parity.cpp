@@ -172,12 +172,15 @@ TEST_F(BackendParity, FewTridiagonalProblemsAndMany) {
 }
 
 TEST_F(BackendParity, DenseBatches) {
-  for (const Index n : {1, 2, 5, 8, 9, 16, 17, 33, 64}) {
+  for (const Index n : {1, 2, 5, 8, 9, 16, 17, 33, 64, 65, 150, 210}) {
     Random random{std::uint32_t(n)};
-    const Matrix any = random.dominant(n) + 0.5 * Matrix::Identity(n, n);
+    const Matrix any = random.dominant(n) + 0.5 * Matrix::Identity(n, n), G = random.matrix(n, n);
     Matrix z = -any.cwiseAbs();
     z.diagonal() = any.diagonal();
-    for (const auto& [M, lcp_class] : {std::pair(any, LcpClass::P), std::pair(z, LcpClass::Z)})
+    // Positive definite by 1/2: inverses below 2. It takes more active sets than a dominant one.
+    const Matrix skew = G * G.transpose() / double(n) + (G - G.transpose()) / 2 + 0.5 * Matrix::Identity(n, n);
+    for (const auto& [M, lcp_class] :
+         {std::pair(any, LcpClass::P), std::pair(z, LcpClass::Z), std::pair(skew, LcpClass::P)})
       expect_same("dense, n = " + std::to_string(n), [&, &M = M, lcp_class = lcp_class](Backend& backend) {
         return solved_batches(backend, M, lcp_class, 37);
       });

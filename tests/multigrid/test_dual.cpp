@@ -150,6 +150,20 @@ TEST(DualCycles, RefuseAVThatGrows) {
   EXPECT_NE(found.reason.find("V grows"), std::string::npos) << found.reason;
 }
 
+// A zero at z = 8.5: V grows by e^8.5 = 5e3 up to T, on 32 steps by (1 - 8.5/32)^-32 = 2e4, which is refused. The grids
+// end at 64 steps.
+TEST(DualCycles, EndAboveAGridWhereVGrowsTooMuch) {
+  Scene scene = random_contact(6, 1, 1, 1);
+  scene.dynamics = DenseDynamics{Matrix{{-1}}, Matrix{{-9.5}}, Matrix{{1}}};
+  scene.g = [](double t, Eigen::Ref<Vector> g) { g[0] = 0.5 - t; };
+  scene.f = {};
+  const Result found = run(scene, Method::dual, 256);
+  EXPECT_EQ(found.status, Status::solved) << found.reason;
+  EXPECT_NE(found.kernel.find("grids of 256, 128, 64 steps"), std::string::npos) << found.kernel;
+  const RowMatrix y = oracle::euler(oracle::write_out(scene), 256).y;
+  EXPECT_LE(distance(found.y, y), 1e-9 * y.maxCoeff());
+}
+
 // Insulated at the far end, the sum of V_d is zero and A is singular.
 TEST(DualCycles, SolveWithInsulatedEnds) {
   constexpr Index m = 12;
