@@ -11,6 +11,7 @@
 #include "core/kernel/ringing.hpp"
 #include "core/lcp/lcp_class.hpp"
 #include "core/scene/breakpoints.hpp"
+#include "core/scene/has_impacts.hpp"
 #include "core/scene/mass_matrix.hpp"
 #include "core/scene/separable.hpp"
 #include "core/scene/source_steps.hpp"
@@ -112,7 +113,7 @@ std::vector<Method> methods_of(const Scene& given, const Scene& scene, const Bac
       refusal = "friction on circles: method march takes it";
     return {Method::march};
   }
-  if (const bool bounces = (given.restitution.array() > 0).any(); bounces || !given.memories.empty()) {
+  if (const bool bounces = has_impacts(given); bounces || !given.memories.empty()) {
     const Method only = given.boundary ? Method::shooting : Method::events;
     const bool steps = bounces && !given.boundary && options.method == Method::march;
     if (options.method != Method::automatic && options.method != only && !steps)

@@ -5,6 +5,7 @@
 #include "core/base/text.hpp"
 #include "core/kernel/recurrence.hpp"
 #include "core/lcp/lcp_class.hpp"
+#include "core/scene/has_impacts.hpp"
 
 #include <cmath>
 #include <utility>
@@ -29,7 +30,7 @@ const DenseDynamics& dense_of(const Scene& scene) {
   const auto refuse = [](const std::string& found, const std::string& remedy) { throw Error("scene", found, remedy); };
   scene.validate();
   if (scene.boundary) refuse("has boundary values", "use solve, which takes them");
-  if ((scene.restitution.array() > 0).any()) refuse("has restitution", "use solve_batch");
+  if (has_impacts(scene)) refuse("has restitution", "use solve_batch");
   if (!scene.cones.empty()) refuse("has friction on circles", "use solve_batch");
   if (!scene.memories.empty()) refuse("has modes with memory", "use solve_batch");
   if (!scene.free_rows.empty()) refuse("has free rows", "use solve, which eliminates them");

@@ -188,6 +188,7 @@ void DerivativesSideBySide::jvp(const std::vector<DataChange>& changes, std::vec
   const Index m = problem_.m, n = problem_.n, all = Index(scenes_.size()) * rows();
   for (const DataChange& c : changes) {
     check_no_b(c.b);
+    check_no_restitution(c.restitution);
     check_data(c, rows(), m, n);
   }
   const auto x0 = table_of(changes, &DataChange::x0, 1, m), f = table_of(changes, &DataChange::f, rows(), m),

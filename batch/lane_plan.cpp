@@ -10,6 +10,7 @@
 #include "core/lcp/active_set.hpp"
 #include "core/march/stages.hpp"
 #include "core/numerics/sectorial.hpp"
+#include "core/scene/has_impacts.hpp"
 #include "core/solve/scaling.hpp"
 
 #include <Eigen/Eigenvalues>
@@ -51,7 +52,7 @@ bool add_euler(LanePlan& p) {
 
 std::string unsuitable(const Scene& scene) {
   if (scene.boundary || !scene.free_rows.empty()) return "boundary values or free rows";
-  if ((scene.restitution.array() > 0).any() || !scene.cones.empty() || !scene.memories.empty())
+  if (has_impacts(scene) || !scene.cones.empty() || !scene.memories.empty())
     return "impacts with restitution, friction on circles, or modes with memory";
   if (!scene.dynamics->small_state() || scene.dynamics->has_mass()) return "dynamics that are not dense, or have E";
   if (scene.constraints() < 1 || scene.constraints() > largest_tabulated || scene.states() < 1 ||

@@ -12,20 +12,15 @@
 // 1 if a result is wrong or crashed.
 
 #include "app/machine.hpp"
+#include "bench/processes.hpp"
 #include "core/build_info.hpp"
 #include "cpu/cpu_backend.hpp"
 #include "tests/support/engineering_trial.hpp"
 
 #include <nlohmann/json.hpp>
 
-#include <sys/resource.h>
-#include <sys/wait.h>
-#include <unistd.h>
-
 #include <algorithm>
-#include <csignal>
 #include <cstdio>
-#include <ctime>
 #include <exception>
 #include <fstream>
 #include <functional>
@@ -117,15 +112,6 @@ Telling telling_of(const std::string& name) {
   throw std::invalid_argument("--tellings: no '" + name + "'");
 }
 
-double cpu_seconds() { return double(std::clock()) / CLOCKS_PER_SEC; }
-
-void limit_cpu(double seconds) {
-  rlimit most;
-  getrlimit(RLIMIT_CPU, &most);
-  most.rlim_cur = std::min(most.rlim_max, rlim_t(cpu_seconds() + seconds) + 1);
-  setrlimit(RLIMIT_CPU, &most);
-}
-
 constexpr double patience = 60;  ///< seconds for each thing that the oracle integrates
 
 /// What a scene's process has done so far; its name on the channel is one byte.
@@ -161,43 +147,32 @@ ordered_json judge(const Arguments& a, const EngineeringScene& s, bool periodic,
 }
 
 /// One scene in a process of its own, which names each stage that it enters and then gives its judgement.
-ordered_json in_process(const Arguments& a, const EngineeringScene& s, bool periodic, Telling telling,
-                        std::uint32_t seed) {
-  int channel[2];
-  if (pipe(channel) != 0) throw std::runtime_error("no pipe");
-  const pid_t child = fork();
-  if (child == 0) {
-    const rlim_t memory = rlim_t(4) << 30;
-    const rlimit space{memory, memory};
-    setrlimit(RLIMIT_AS, &space);
-    const auto enter = [&](Stage stage) {
-      limit_cpu(stage == Stage::solve ? a.seconds : patience);
-      if (write(channel[1], &stage, 1) != 1) _exit(3);
-    };
-    std::string text;
-    try {
-      text = judge(a, s, periodic, telling, seed, enter).dump();
-    } catch (const std::exception& error) {
-      text = ordered_json{{"verdict", "crashed"}, {"reason", error.what()}}.dump();
-    }
-    const bool written = write(channel[1], text.data(), text.size()) == ssize_t(text.size());
-    _exit(written ? 0 : 3);
-  }
-  close(channel[1]);
-  std::string text;
-  char buffer[4096];
-  for (ssize_t got = 0; (got = read(channel[0], buffer, sizeof buffer)) > 0;) text.append(buffer, std::size_t(got));
-  close(channel[0]);
+ordered_json judged_apart(const Arguments& a, const EngineeringScene& s, bool periodic, Telling telling,
+                          std::uint32_t seed) {
   int status = 0;
-  waitpid(child, &status, 0);
+  const std::string text = in_process(
+      [&](int channel) {
+        const rlim_t memory = rlim_t(4) << 30;
+        const rlimit space{memory, memory};
+        setrlimit(RLIMIT_AS, &space);
+        const auto enter = [&](Stage stage) {
+          limit_cpu(stage == Stage::solve ? a.seconds : patience);
+          if (write(channel, &stage, 1) != 1) _exit(3);
+        };
+        try {
+          return write_whole(channel, judge(a, s, periodic, telling, seed, enter).dump());
+        } catch (const std::exception& error) {
+          return write_whole(channel, ordered_json{{"verdict", "crashed"}, {"reason", error.what()}}.dump());
+        }
+      },
+      status);
   const std::size_t judged = text.find('{');
   if (judged != std::string::npos) {
     ordered_json json = ordered_json::parse(text.substr(judged));
     if (json.value("seconds", 0.0) > a.seconds && json["verdict"] != "wrong") json["verdict"] = "slow";
     return json;
   }
-  if (!(WIFSIGNALED(status) && (WTERMSIG(status) == SIGXCPU || WTERMSIG(status) == SIGKILL)))
-    return {{"verdict", "crashed"}, {"seconds", 0.0}};
+  if (!is_out_of_time(status)) return {{"verdict", "crashed"}, {"seconds", 0.0}};
   if (!text.empty() && text.back() == char(Stage::solve)) return {{"verdict", "slow"}, {"seconds", a.seconds}};
   return {{"verdict", "undecided"}, {"reason", "the oracle takes too long"}};
 }
@@ -211,15 +186,14 @@ void judge_scene(const Arguments& a, const std::string& kind, std::uint32_t seed
       ordered_json json{{"kind", kind},         {"seed", seed},
                         {"problem", problem},   {"telling", to_string(telling)},
                         {"states", s.states()}, {"constraints", s.constraints()}};
-      json.update(in_process(a, s, periodic, telling, seed));
+      json.update(judged_apart(a, s, periodic, telling, seed));
       const bool bad = json["verdict"] != "right" && json["verdict"] != "none" && json["verdict"] != "undecided";
       if (!a.files.empty() && (bad || a.list == "all"))
         std::ofstream(a.files + "/" + s.name + "-" + problem + (telling == Telling::original ? "" : "-" + word) +
                       ".toml")
             << scene_file(retold(s, telling, seed).scene, periodic);
       if (a.list == "all" || (a.list == "bad" && bad)) std::cout << json.dump() << std::endl;
-      std::fprintf(out, "%s\n", json.dump().c_str());
-      std::fflush(out);
+      write_line(json, out);
     }
   }
 }
@@ -252,36 +226,16 @@ struct Tally {
 
 /// Scene k in process k % jobs.
 Tally run(const Arguments& a) {
-  std::vector<std::FILE*> files;
-  std::vector<pid_t> processes;
-  for (std::size_t job = 0; job < a.jobs; ++job) {
-    std::FILE* file = std::tmpfile();
-    const pid_t process = fork();
-    if (process == 0) {
-      std::size_t k = 0;
-      for (const std::string& kind : a.kinds)
-        for (std::uint32_t i = 0; i < count_of(kind, a.count); ++i)
-          if (k++ % a.jobs == job) judge_scene(a, name_of(kind), a.first + i, file);
-      _exit(0);
-    }
-    files.push_back(file), processes.push_back(process);
-  }
   Tally tally;
-  for (std::size_t job = 0; job < a.jobs; ++job) {
-    int status = 0;
-    waitpid(processes[job], &status, 0);
-    if (status != 0) throw std::runtime_error("a process of the oracle ended early");
-    std::rewind(files[job]);
-    std::string line;
-    for (int c = 0; (c = std::fgetc(files[job])) != EOF;) {
-      if (c != '\n') {
-        line += char(c);
-        continue;
-      }
-      tally.add(ordered_json::parse(line));
-      line.clear();
-    }
-  }
+  in_jobs(
+      a.jobs,
+      [&](std::size_t job, std::FILE* file) {
+        std::size_t k = 0;
+        for (const std::string& kind : a.kinds)
+          for (std::uint32_t i = 0; i < count_of(kind, a.count); ++i)
+            if (k++ % a.jobs == job) judge_scene(a, name_of(kind), a.first + i, file);
+      },
+      [&](const ordered_json& json) { tally.add(json); });
   return tally;
 }
 

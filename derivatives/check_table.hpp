@@ -24,6 +24,12 @@ inline void check_no_x0(const Vector& x0) {
   if (x0.size() > 0) throw Error("x0", "is given to a scene with a boundary condition", "change b");
 }
 
+/// Throws Error where no impacts are located.
+inline void check_no_restitution(const Vector& restitution) {
+  if (restitution.size() > 0)
+    throw Error("restitution", "changes where impacts are not located", "take the derivative with located switches");
+}
+
 /// Throws Error where a member of a DataChange that all scenes have has another shape; f and g have `rows` rows.
 template <class Change>
 void check_data(const Change& c, Index rows, Index m, Index n) {

@@ -193,6 +193,7 @@ GalerkinChange GalerkinDerivative::no_change() const {
 
 SolutionChange GalerkinDerivative::jvp(const DataChange& c) const {
   p_.initial_value ? check_no_b(c.b) : check_no_x0(c.x0);
+  check_no_restitution(c.restitution);
   check_data(c, p_.N + 1, m_, n_);
   check_table("b", c.b, m_, 1);
   check_table("E0", c.E0, m_, m_);

@@ -57,6 +57,7 @@ SolutionChange ModalDerivative::jvp(const DataChange& c, bool states) const {
     if (matrix->size() > 0)
       throw Error(name, "is part of the structure of a Kronecker sum", "ask for derivatives by x0, f, g and M");
   check_no_b(c.b);
+  check_no_restitution(c.restitution);
   check_table("x0", c.x0, m_, 1);
   check_table("f", c.f, J_ + 1, n_);
   check_table("g", c.g, J_ + 1, n_);

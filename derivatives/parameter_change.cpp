@@ -26,6 +26,7 @@ constexpr double same_vector = 1e-12;
 // Tables of a scene; what it does not have is empty.
 struct SceneData {
   RowMatrix x0, b, f, g;  ///< x0 and b: m x 1
+  RowMatrix restitution;  ///< n x 1
   Matrix A, B, N, E, M, E0, ET;
 };
 
@@ -42,6 +43,7 @@ void each_member(const Use& use) {
   use("M", &SceneData::M);
   use("E0", &SceneData::E0);
   use("ET", &SceneData::ET);
+  use("restitution", &SceneData::restitution);
 }
 
 RowMatrix source_table(const TimeFunction& function, const Vector& t, Index width) {
@@ -52,6 +54,7 @@ RowMatrix source_table(const TimeFunction& function, const Vector& t, Index widt
 SceneData data_of(const Scene& scene, const Vector& t, bool written_out, bool dynamics) {
   SceneData d;
   d.x0 = scene.x0;
+  d.restitution = scene.restitution;
   if (scene.boundary) d.b = scene.boundary->b, d.E0 = scene.boundary->E0, d.ET = scene.boundary->ET;
   d.M = to_dense(scene.M);
   d.g = source_table(scene.g, t, scene.constraints());
@@ -377,6 +380,7 @@ ParameterChange parameter_change(const ParameterNeighbours& n, const Scene& scen
   found.data = {change.x0.reshaped(), change.f, change.g, change.A, change.B, change.N, change.M, change.E,
                 change.b.reshaped()};
   found.data.E0 = change.E0, found.data.ET = change.ET;
+  found.data.restitution = change.restitution.reshaped();
   if (written_out || !dynamics) return found;
   if (!scene.dynamics->modes()) {
     check_sparse(n, scene);

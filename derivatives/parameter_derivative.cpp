@@ -128,17 +128,6 @@ std::vector<Index> places_of(const Vector& rows, const Vector& times) {
 
 bool is_written_out(const Scene& scene) { return scene.states() <= ResultDerivative::largest_written_out; }
 
-std::vector<ParameterNeighbours> all_neighbours(const std::vector<VariedParameter>& parameters, const Scene& scene,
-                                                const Result& result) {
-  if (result.status != Status::solved || result.t.size() < 2)
-    throw Error("derivative", text("the result is not solved (%s)", to_string(result.status)),
-                "differentiate a result with status solved");
-  if (parameters.empty()) throw Error("parameters", "is empty", "name one or more");
-  std::vector<ParameterNeighbours> all;
-  for (const VariedParameter& p : parameters) all.push_back(neighbours_of(p, scene, result.t, is_written_out(scene)));
-  return all;
-}
-
 ResultDerivative of_result(const Scene& scene, const Result& result, Backend& backend, std::optional<bool> located,
                            const Vector& rows, const std::vector<ParameterNeighbours>& neighbours) {
   const bool may_be = ResultDerivative::may_be_located(scene);
@@ -158,7 +147,7 @@ bool has_gradient(const DataChange& gradient, const DataChange& change) {
   const auto has = [&](auto member) { return (change.*member).size() == 0 || (gradient.*member).size() > 0; };
   return has(&DataChange::x0) && has(&DataChange::f) && has(&DataChange::g) && has(&DataChange::A) &&
          has(&DataChange::B) && has(&DataChange::N) && has(&DataChange::M) && has(&DataChange::E) &&
-         has(&DataChange::b) && has(&DataChange::E0) && has(&DataChange::ET);
+         has(&DataChange::b) && has(&DataChange::E0) && has(&DataChange::ET) && has(&DataChange::restitution);
 }
 
 // sum + c value, of tables that may be empty.
@@ -174,6 +163,7 @@ void add_multiple(Table& sum, double c, const Table& value) {
 void add_multiple(DataChange& sum, double c, const DataChange& value) {
   add_multiple(sum.x0, c, value.x0), add_multiple(sum.b, c, value.b);
   add_multiple(sum.f, c, value.f), add_multiple(sum.g, c, value.g);
+  add_multiple(sum.restitution, c, value.restitution);
   for (const auto member : {&DataChange::A, &DataChange::B, &DataChange::N, &DataChange::M, &DataChange::E,
                             &DataChange::E0, &DataChange::ET})
     add_multiple(sum.*member, c, value.*member);
@@ -181,10 +171,30 @@ void add_multiple(DataChange& sum, double c, const DataChange& value) {
 
 }  // namespace
 
+std::vector<ParameterNeighbours> neighbours_of_all(const std::vector<VariedParameter>& parameters, const Scene& scene,
+                                                   const Result& result) {
+  if (result.status != Status::solved || result.t.size() < 2)
+    throw Error("derivative", text("the result is not solved (%s)", to_string(result.status)),
+                "differentiate a result with status solved");
+  if (parameters.empty()) throw Error("parameters", "is empty", "name one or more");
+  std::vector<ParameterNeighbours> all;
+  for (const VariedParameter& p : parameters) all.push_back(neighbours_of(p, scene, result.t, is_written_out(scene)));
+  return all;
+}
+
 ParameterDerivative::ParameterDerivative(const Scene& scene, const Result& result, Backend& backend,
                                          const std::vector<VariedParameter>& parameters, std::optional<bool> located,
                                          const std::vector<double>& also)
-    : neighbours_(all_neighbours(parameters, scene, result)),
+    : ParameterDerivative(neighbours_of_all(parameters, scene, result), scene, result, backend, parameters, located,
+                          also) {
+  quantity_ = parameters.front().scene_of(parameters.front().value).quantity;
+}
+
+ParameterDerivative::ParameterDerivative(std::vector<ParameterNeighbours> neighbours, const Scene& scene,
+                                         const Result& result, Backend& backend,
+                                         const std::vector<VariedParameter>& parameters, std::optional<bool> located,
+                                         const std::vector<double>& also)
+    : neighbours_(std::move(neighbours)),
       t_(merged_times(result.t, also)),
       of_data_(of_result(scene, result, backend, located, t_, neighbours_)) {
   if (of_data_.located())
@@ -207,7 +217,6 @@ ParameterDerivative::ParameterDerivative(const Scene& scene, const Result& resul
     const double size = parameters[i].value != 0 ? std::abs(parameters[i].value) : 1;
     distance_ = std::max(distance_, 2 * neighbours_[i].step / size);
   }
-  quantity_ = parameters.front().scene_of(parameters.front().value).quantity;
 }
 
 std::string ParameterDerivative::in_words() const {
@@ -325,6 +334,7 @@ double ParameterDerivative::product(const DataChange& gradient, const DataChange
   add("x0", &DataChange::x0), add("b", &DataChange::b), add("f", &DataChange::f), add("g", &DataChange::g);
   add("A", &DataChange::A), add("B", &DataChange::B), add("N", &DataChange::N), add("M", &DataChange::M);
   add("E", &DataChange::E), add("E0", &DataChange::E0), add("ET", &DataChange::ET);
+  add("restitution", &DataChange::restitution);
   return sum;
 }
 

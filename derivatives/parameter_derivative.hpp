@@ -24,6 +24,9 @@ struct QuantityByParameters {
   Vector gradient;
 };
 
+/// Of each parameter. Throws Error where the result is not solved, and as neighbours_of does.
+std::vector<ParameterNeighbours> neighbours_of_all(const std::vector<VariedParameter>&, const Scene&, const Result&);
+
 class ParameterDerivative {
  public:
   /// `scene` and `result` are those with the values of all parameters. `located`: as in DerivativeChoice; `also`:
@@ -31,6 +34,11 @@ class ParameterDerivative {
   /// and parameter_change do. The backend has to outlive this object.
   ParameterDerivative(const Scene& scene, const Result& result, Backend&, const std::vector<VariedParameter>&,
                       std::optional<bool> located = {}, const std::vector<double>& also = {});
+  /// With the neighbours of all parameters (neighbours_of_all), and without the quantity of the scene file: no scene is
+  /// made here.
+  ParameterDerivative(std::vector<ParameterNeighbours>, const Scene& scene, const Result& result, Backend&,
+                      const std::vector<VariedParameter>&, std::optional<bool> located = {},
+                      const std::vector<double>& also = {});
 
   const ResultDerivative& of_data() const { return of_data_; }
   Index parameters() const { return Index(changes_.size()); }

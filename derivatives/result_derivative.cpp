@@ -16,7 +16,7 @@ constexpr auto tables_of_solution = {&SolutionChange::y, &SolutionChange::x, &So
 constexpr auto tables_of_data = {&DataChange::f, &DataChange::g};
 constexpr auto matrices = {&DataChange::A, &DataChange::B,  &DataChange::N, &DataChange::M,
                            &DataChange::E, &DataChange::E0, &DataChange::ET};
-constexpr auto vectors = {&DataChange::x0, &DataChange::b};
+constexpr auto vectors = {&DataChange::x0, &DataChange::b, &DataChange::restitution};
 
 // From the rows to these and the middles between them, along lines.
 RowMatrix with_middles(const RowMatrix& rows) {

@@ -203,6 +203,7 @@ void SolutionDerivative::add_mass(DataChange& bar) const {
 
 SolutionChange SolutionDerivative::jvp(const DataChange& given) const {
   check_no_b(given.b);
+  check_no_restitution(given.restitution);
   check_data(given, J_ + 1, m_, n_);
   if (given.E.size() > 0 && inverse_E_.size() == 0) refuse("the scene has no E", "change A and B instead");
   const DataChange c = without_mass(given);

@@ -136,6 +136,7 @@ SolutionChange SpaceTimeDerivative::jvp(const DataChange& c, bool states) {
   for (const auto& [name, matrix] : {std::pair("A", &c.A), {"B", &c.B}, {"N", &c.N}, {"E", &c.E}})
     if (matrix->size() > 0) throw Error(name, "is no datum of this derivative", "ask for x0, f, g and M");
   check_no_b(c.b);
+  check_no_restitution(c.restitution);
   check_table("x0", c.x0, scene_.states(), 1);
   check_table("f", c.f, J_ + 1, n_);
   check_table("g", c.g, J_ + 1, n_);

@@ -57,7 +57,7 @@ void resize(SolutionChange& s, Index m, Index n) {
   resize(s.x, s.x.rows(), m);
 }
 void resize(DataChange& c, Index m, Index n) {
-  resize(c.x0, m, 1), resize(c.b, m, 1);
+  resize(c.x0, m, 1), resize(c.b, m, 1), resize(c.restitution, n, 1);
   resize(c.f, c.f.rows(), m), resize(c.g, c.g.rows(), n);
   resize(c.B, m, n), resize(c.N, n, m), resize(c.M, n, n);
   for (Matrix* square : {&c.A, &c.E, &c.E0, &c.ET}) resize(*square, m, m);
@@ -191,6 +191,7 @@ SolutionChange SwitchedDerivative::jvp(const DataChange& given, const std::vecto
   if (!ends_) check_no_b(given.b);
   if (ends_) check_no_x0(given.x0);
   check_data(given, rows, m, n);
+  check_table("restitution", given.restitution, n, 1);
   check_table("b", given.b, m, 1), check_table("E0", given.E0, m, m), check_table("ET", given.ET, m, m);
   DataChange c = given;
   resize(c, m_, n_);

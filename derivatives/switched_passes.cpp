@@ -3,6 +3,8 @@
 #include "core/base/error.hpp"
 #include "derivatives/switched_tape.hpp"
 
+#include <Eigen/QR>
+
 #include <algorithm>
 #include <cmath>
 
@@ -185,16 +187,19 @@ void SwitchedTape::pass(const Switch& s, const Part* before, const Sources& of_b
     JetValues left = before ? values_of(of_before, piece_of(*before), before->from + before->width)
                             : values_of(of_after, piece_of(after), after.from);
     left.x = z.x;
-    const Vector back = evaluate(p.rebound, left) + dt * p.rebound_rate;
+    Vector back = evaluate(p.rebound, left) + dt * p.rebound_rate;
+    if (c.restitution.size() > 0) back += p.by_restitution * c.restitution;
     if (c.B.size() > 0) z.x += c.B * p.p;
     if (c.E.size() > 0) z.x += c.E * p.move;
     const SwitchedMode& mode = p.mode->rows;
+    const Vector by_M = change_by_M(p, c);
+    z.x += B * by_M;
     JetValues u = values_of(of_after, piece_of(after), after.from);
     u.x = z.x - dt * p.rate;
-    const Vector q = mode.impulse * (evaluate(mode.constraints, u) + back);
-    z.x += B * q;
+    const Vector q = mode.impulse * (evaluate(mode.constraints, u) + back) + by_M;
+    z.x += B * (q - by_M);
     z.integral += q;
-    terms_of_x += (B * q).cwiseAbs();
+    terms_of_x += B.cwiseAbs() * q.cwiseAbs();
   }
   if (before) {
     z.x -= dt * s.rate_after;
@@ -202,6 +207,17 @@ void SwitchedTape::pass(const Switch& s, const Part* before, const Sources& of_b
   }
   if (z.largest.size() > 0) z.largest = z.largest.cwiseMax(terms_of_x);
   if (z.zeros == Zeros::stay) check_conditions(s, false, piece_of(after), after.from, of_after, z.x, terms_of_x, dt);
+}
+
+// What M_SS p = 0 asks of p where M changes.
+Vector SwitchedTape::change_by_M(const Impulse& p, const DataChange& c) {
+  Vector by = Vector::Zero(p.p.size());
+  if (c.M.size() == 0) return by;
+  const std::vector<Index>& S = p.mode->rows.active;
+  const Matrix M = p.mode->system().M(S, S);
+  const Vector off = (c.M * p.p)(S), found = Eigen::CompleteOrthogonalDecomposition<Matrix>(M).solve(Vector(-off));
+  by(S) = found;
+  return by;
 }
 
 // The changes of the times at which parts begin.
@@ -234,6 +250,7 @@ void SwitchedTape::pass_back(const Switch& s, const Part* before, Sources& of_be
     add_values(u, piece_of(after), after.from, of_after);
     to.B += bar.x * p->p.transpose();
     to.E += bar.x * p->move.transpose();
+    to.restitution += p->by_restitution.transpose() * off;
     const JetValues r = back(p->rebound, off);
     bar.x += r.x;
     dt += p->rebound_rate.dot(off);
@@ -321,6 +338,7 @@ DataChange SwitchedTape::vjp(const SolutionChange& of) const {
                 Matrix::Zero(n_, m_),
                 Matrix::Zero(n_, n_),
                 Matrix::Zero(m_, m_)};
+  to.restitution = Vector::Zero(n_);
   State bar{Vector::Zero(m_), Vector::Zero(n_), {}};
   Sources sources = no_sources();
   read(rows - 1, parts_.back(), parts_.back().from + parts_.back().width, of, bar, sources);
@@ -351,6 +369,7 @@ void SwitchedTape::leave_out_conditioned(DataChange& gradient) const {
     gradient.N.resize(0, 0);
   }
   if (conditioned_.rows || !without_M_.empty()) gradient.M.resize(0, 0);
+  if (!inelastic_.empty()) gradient.restitution.resize(0);
   const auto ambiguous = [](const auto& of_set) { return of_set.second.right.cols() + of_set.second.left.cols() > 0; };
   if (std::any_of(ambiguities_.begin(), ambiguities_.end(), ambiguous))
     for (Matrix* member : {&gradient.B, &gradient.N, &gradient.M}) member->resize(0, 0);

@@ -41,13 +41,13 @@ void SwitchedTape::find_ambiguity(const Rows& of) {
                       common_kernel(M.transpose(), s.N(together, Eigen::all).transpose(), together, n_)};
 }
 
-// The kernels of M_SS. A change of M that does not keep them turns constraints on the state, or a jump of y, into fast
-// motions, which are stable on one side only.
+// The left kernel of M_SS. A change of M that does not keep it turns constraints on the state, or a jump of y, into
+// fast motions, which are stable on one side only. One that does keeps the rank of M_SS.
 void SwitchedTape::find_singular(const Rows& of) {
   const std::vector<Index>& S = of.second;
   if (S.empty() || singular_.contains(of)) return;
   const Matrix M = of.first->system.M(S, S), none(0, Index(S.size()));
-  singular_[of] = {common_kernel(M, none, S, n_), common_kernel(M.transpose(), none, S, n_)};
+  singular_[of] = common_kernel(M.transpose(), none, S, n_);
 }
 
 // The sets that a jump of y may pass through.
@@ -62,8 +62,7 @@ void SwitchedTape::find_singular_between(const Rows& before, const std::vector<I
   std::erase(both, component);
   std::set_difference(either.begin(), either.end(), both.begin(), both.end(), std::back_inserter(changing));
   if (changing.size() > most_looked_at) {  // no change at all
-    singular_[{regime, either}] = {Matrix::Identity(n_, n_)(Eigen::all, either),
-                                   Matrix::Identity(n_, n_)(Eigen::all, either)};
+    singular_[{regime, either}] = Matrix::Identity(n_, n_)(Eigen::all, either);
     return;
   }
   for (std::size_t chosen = 0; chosen < std::size_t(1) << changing.size(); ++chosen) {
@@ -97,32 +96,60 @@ void SwitchedTape::judge_M() {
 }
 
 // Where y is not unique, the change of x must not depend on the one that is taken. Where M_SS is singular, a change of
-// M has to leave its kernels.
+// M has to leave its left kernel.
 void SwitchedTape::check_ambiguities(const ChangeInModes& change_in) const {
   const auto moves = [](const Matrix& change, const Matrix& by) {
     if (change.size() == 0 || by.cols() == 0) return false;
     return ((change * by).cwiseAbs() - 1e-9 * change.cwiseAbs() * by.cwiseAbs()).maxCoeff() > 0;
   };
-  for (const auto& [together, a] : ambiguities_)
-    if (const DataChange& c = change_in(together.first->modes);
-        moves(c.B, a.right) || moves(c.M, a.right) || moves(c.M.transpose(), a.left) || moves(c.N.transpose(), a.left))
+  const auto within = [this](const DataChange& c, const std::vector<Index>& S) {  // y is zero elsewhere
+    Matrix change = c.M.size() > 0 ? Matrix(Matrix::Zero(n_, n_)) : Matrix();
+    if (c.M.size() > 0) change(S, S) = c.M(S, S);
+    return change;
+  };
+  for (const auto& [together, a] : ambiguities_) {
+    const DataChange& c = change_in(together.first->modes);
+    const Matrix M = within(c, together.second);
+    if (moves(c.B, a.right) || moves(M, a.right) || moves(M.transpose(), a.left) || moves(c.N.transpose(), a.left))
       throw Error("derivative",
                   "not differentiable here: y is not unique, and the change makes x depend on which y it is",
                   "change equal constraints alike, or leave out one of them");
+  }
   for (const auto& [rows, kernel] : singular_) {
     const auto& [regime, S] = rows;
-    const DataChange& c = change_in(regime->modes);
-    if (c.M.size() == 0) continue;
-    Matrix change = Matrix::Zero(n_, n_);
-    change(S, S) = c.M(S, S);
-    if (moves(change, kernel.right) || moves(change.transpose(), kernel.left))
+    if (moves(within(change_in(regime->modes), S).transpose(), kernel))
       throw Error("M", without_M_, "ask for derivatives with respect to other data");
   }
+}
+
+// Bounces that are too low to be seen do not depend on e. Where e = 0, bounces begin with it: it acts from one side.
+Matrix SwitchedTape::by_restitution(const Mode& mode, const EventImpulse& p, const JetValues& before) {
+  const Vector &e = mode.system().restitution, velocity = evaluate(rates_of_w(mode.system()), before);
+  Matrix by = mode.rows.velocities * velocity.asDiagonal();
+  for (Index i = 0; i < n_; ++i) {
+    if (p.e.size() > 0 && p.e[i] > 0) continue;
+    const bool strikes = p.p[i] > 0 && !by.col(i).isZero(0);
+    if (strikes && (e.size() == 0 || e[i] == 0)) inelastic_.push_back(i);
+    by.col(i).setZero();
+  }
+  return by;
+}
+
+// Bounces that begin with e do so on one side only.
+void SwitchedTape::check_restitution(const ChangeInModes& change_in) const {
+  for (const auto& [modes, regime] : regimes_)
+    for (const Index i : inelastic_)
+      if (const Vector& by = change_in(modes).restitution; by.size() > 0 && by[i] != 0)
+        throw Error("derivative",
+                    text("not differentiable here: constraint %ld strikes without rebound, and bounces with any change",
+                         long(i)),
+                    "differentiate by the restitution of scenes that have it");
 }
 
 // Constraints on the state that are derivatives of w (a rigid contact) need N B = 0 there; changes have to keep it.
 void SwitchedTape::check_structure(const ChangeInModes& change_in) const {
   check_ambiguities(change_in);
+  check_restitution(change_in);
   for (const auto& [of, mode] : modes_) {
     const DataChange& c = change_in(mode.regime->modes);
     const std::vector<Index>& active = mode.rows.active;

@@ -266,15 +266,17 @@ void SwitchedTape::add_switch(const EventSolution& solution, std::size_t k, cons
   s.rate_after = to.rate.transpose() * legendre(0);
   s.y_after = to.y.transpose() * legendre(0);
   JetValues u = values_of(to.sources, to, 0);
-  JetValues rates = k > 0 ? values_of(pieces_[k - 1].sources, pieces_[k - 1], pieces_[k - 1].until) : u;
+  JetValues left = k > 0 ? values_of(pieces_[k - 1].sources, pieces_[k - 1], pieces_[k - 1].until) : u, rates = left;
   rates.f = rates.df, rates.g = rates.dg, rates.dg = rates.ddg;
   for (const EventImpulse& p : solution.pieces[k].impulses) {
     const Mode* mode = mode_of({to.mode->regime, p.active});
     const Vector move = B * p.p;
+    left.x = x;
     x += move;
     u.x = x;
     const Jet back = rebound(mode->system(), mode->rows, p.e);
-    s.impulses.push_back({mode, p.p, move, rate_of(*mode, u), back, evaluate(back, rates)});
+    s.impulses.push_back(
+        {mode, p.p, move, rate_of(*mode, u), back, evaluate(back, rates), by_restitution(*mode, p, left)});
   }
   switches_.push_back(std::move(s));
 }
@@ -339,7 +341,7 @@ bool SwitchedTape::may_rest(const std::vector<Sample>& run, std::size_t first, s
   const bool always = rows.vanishes();
   if (!always && !along_some_) return false;
   std::vector<Index> together = mode.rows.active;
-  together.push_back(i);
+  if (!std::binary_search(together.begin(), together.end(), i)) together.push_back(i);
   find_ambiguity({mode.regime, together});
   if (!always) add_condition(text("y_%ld = w_%ld = 0 from t = %.6g on", long(i), long(i), run[first].t), rows, false);
   for (std::size_t k = first; k < last; ++k)

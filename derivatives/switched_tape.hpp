@@ -91,9 +91,10 @@ class SwitchedTape {
   };
   struct Impulse {
     const Mode* mode;
-    Vector p, move, rate;  ///< p, B p, and x' in this mode after it
-    Jet rebound;           ///< e times the velocities before it, rows as the constraints of the mode
-    Vector rebound_rate;   ///< by f and g alone
+    Vector p, move, rate;   ///< p, B p, and x' in this mode after it
+    Jet rebound;            ///< e times the velocities before it, rows as the constraints of the mode
+    Vector rebound_rate;    ///< by f and g alone
+    Matrix by_restitution;  ///< of the rebound, by e: constraints x n
   };
   // What vanishes beside a switch and is no part of it: y_i or w_i with its rate, or (component = -1) the constraints
   // on the state of the mode after it. With a change it has to vanish, too.
@@ -174,6 +175,9 @@ class SwitchedTape {
   void find_singular_between(const Rows& from, const std::vector<Index>& to, Index component);
   void check_ambiguities(const ChangeInModes&) const;
   void check_structure(const ChangeInModes&) const;
+  void check_restitution(const ChangeInModes&) const;
+  Matrix by_restitution(const Mode&, const EventImpulse&, const JetValues& before);
+  static Vector change_by_M(const Impulse&, const DataChange&);
 
   const Piece& piece_of(const Part& p) const { return pieces_[std::size_t(p.piece)]; }
   Sources changed(const Part&, const DataChange&) const;
@@ -211,11 +215,12 @@ class SwitchedTape {
   std::vector<Switch> switches_;
   DerivativeMargin margin_;
   std::vector<Index> one_sided_;
+  std::vector<Index> inelastic_;  ///< constraints that have struck with e = 0
   bool along_some_;
   std::string without_M_, only_along_;
   std::map<std::pair<const Mode*, Index>, bool> alike_beyond_;  ///< see is_alike_beyond
   std::map<Rows, Ambiguity> ambiguities_;                       ///< of each set that was looked at; most are empty
-  std::map<Rows, Ambiguity> singular_;                          ///< kernels of M_SS that a change of M has to keep
+  std::map<Rows, Matrix> singular_;  ///< left kernels of M_SS, n x k, that a change of M has to keep
   ConditionedData conditioned_;
 };
 

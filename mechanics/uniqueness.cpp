@@ -1,93 +1,82 @@
 #include "mechanics/uniqueness.hpp"
 
 #include <Eigen/Cholesky>
-#include <Eigen/LU>
 
 #include <algorithm>
+#include <cmath>
+#include <vector>
 
 namespace bromwich {
 
 namespace {
 
 constexpr Index most_coordinates = 400;   ///< M is factored as a dense matrix
-constexpr std::size_t most_contacts = 7;  ///< 5^7 determinants
-constexpr double rounding = 1e-11;        ///< of a determinant, its rows and columns scaled to 1
+constexpr std::size_t most_contacts = 8;  ///< 6^8 determinants
+constexpr double rounding = 1e-11;        ///< of a pivot, beside 1
 
+// Determinants as products of pivots: G is what elimination of the rows that were chosen leaves of W for the contacts
+// behind them.
 class Choices {
  public:
-  Choices(const Mechanism& m) : d_(m.coordinates()), mass_(Matrix(m.structure.M)) {
+  explicit Choices(const Mechanism& m) : mass_(Matrix(m.structure.M)) {
     for (const Contact& c : m.contacts) add(c);
+    Matrix rows(m.coordinates(), Index(rows_.size()));
+    for (std::size_t i = 0; i < rows_.size(); ++i) rows.col(Index(i)) = rows_[i];
+    W_ = rows.transpose() * mass_.solve(rows);
   }
 
   Uniqueness result() {
-    look(0);
-    return least_ < -rounding  ? Uniqueness::none_known
-           : least_ > rounding ? Uniqueness::unique
-                               : Uniqueness::forces_open;
+    look(0, W_);
+    return several_ ? Uniqueness::none_known : vanishes_ ? Uniqueness::forces_open : Uniqueness::unique;
   }
 
  private:
-  struct Rows {
-    Vector normal;  ///< empty: none that is rigid
-    Vector tangent;
-    double mu = 0;
+  struct Choice {
+    bool normal, tangent;
+    double mu;
   };
 
   // A compliant normal force follows from the state; a spring in series with friction of such a force does not jump.
   void add(const Contact& c) {
-    Rows r;
-    if (c.normal.size() > 0 && c.kn == 0) r.normal = scaled(c.normal);
+    Choice r{c.normal.size() > 0 && c.kn == 0, false, 0};
     const bool friction = c.tangent.rows() > 0 && (c.mu > 0 || c.bound);
-    if (friction && (c.kt == 0 || r.normal.size() > 0)) {
-      r.tangent = scaled(c.tangent.row(0).transpose());
-      const double ratio = size(c.tangent.row(0).transpose()) / (r.normal.size() > 0 ? size(c.normal) : 1);
-      r.mu = r.normal.size() > 0 ? c.mu * ratio : 0;
-    }
-    if (r.normal.size() > 0 || r.tangent.size() > 0) contacts_.push_back(r);
+    r.tangent = friction && (c.kt == 0 || r.normal);
+    const Vector tangent = r.tangent ? Vector(c.tangent.row(0).transpose()) : Vector();
+    if (r.tangent && r.normal) r.mu = c.mu * size(tangent) / size(c.normal);
+    if (r.normal) rows_.push_back(c.normal / size(c.normal));
+    if (r.tangent) rows_.push_back(tangent / size(tangent));
+    if (r.normal || r.tangent) contacts_.push_back(r);
   }
 
   double size(const Vector& row) const { return std::sqrt(row.dot(mass_.solve(row))); }
-  Vector scaled(const Vector& row) const { return row / size(row); }
 
-  // All choices for contacts from `i` on, beside those in rows_ and forces_.
-  void look(std::size_t i) {
-    if (i == contacts_.size()) return take();
-    look(i + 1);
-    const Rows& c = contacts_[i];
-    const bool normal = c.normal.size() > 0, tangent = c.tangent.size() > 0;
-    if (tangent) with({c.tangent}, {c.tangent}, i);
-    if (!normal) return;
-    if (!tangent || c.mu == 0) return with({c.normal}, {c.normal}, i);
-    for (const double sign : {-1.0, 1.0}) with({c.normal}, {Vector(c.normal + sign * c.mu * c.tangent)}, i);
-    with({c.normal, c.tangent}, {c.normal, c.tangent}, i);
+  // All choices for contacts from `i` on, whose rows G has.
+  void look(std::size_t i, const Matrix& G) {
+    if (several_ || i == contacts_.size()) return;
+    const auto& [normal, tangent, mu] = contacts_[i];
+    const Index own = Index(normal) + Index(tangent), left = G.rows() - own;
+    const auto behind = [&](const Matrix& eliminated) { look(i + 1, eliminated.bottomRightCorner(left, left)); };
+    behind(G);
+    if (!normal || !tangent) return behind(without(0, G, G.col(0)));
+    behind(without(1, G, G.col(1)));
+    for (const double slip : {-mu, mu}) behind(without(0, G, G.col(0) + slip * G.col(1)));
+    const Matrix held = without(0, G, G.col(0));
+    behind(without(1, held, held.col(1)));
   }
 
-  void with(const std::vector<Vector>& rows, const std::vector<Vector>& forces, std::size_t i) {
-    rows_.insert(rows_.end(), rows.begin(), rows.end());
-    forces_.insert(forces_.end(), forces.begin(), forces.end());
-    look(i + 1);
-    rows_.resize(rows_.size() - rows.size());
-    forces_.resize(forces_.size() - forces.size());
+  // The row eliminated by a force along `column`.
+  Matrix without(Index row, const Matrix& G, const Vector& column) {
+    double pivot = column[row];
+    several_ = several_ || pivot < -rounding;
+    if (std::abs(pivot) <= rounding) vanishes_ = true, pivot = rounding;
+    return G - column * G.row(row) / pivot;
   }
 
-  void take() {
-    const Index k = Index(rows_.size());
-    if (k == 0 || least_ < -rounding) return;
-    Matrix N(k, d_), B(d_, k);
-    for (Index i = 0; i < k; ++i) {
-      N.row(i) = rows_[std::size_t(i)].transpose();
-      B.col(i) = forces_[std::size_t(i)];
-    }
-    Matrix W = N * mass_.solve(B);
-    for (Index i = 0; i < k; ++i) W.row(i) /= std::max(W.row(i).norm(), 1e-290);
-    least_ = std::min(least_, W.determinant());
-  }
-
-  Index d_;
   Eigen::LLT<Matrix> mass_;
-  std::vector<Rows> contacts_;
-  std::vector<Vector> rows_, forces_;
-  double least_ = 1;
+  std::vector<Choice> contacts_;
+  std::vector<Vector> rows_;
+  Matrix W_;
+  bool several_ = false, vanishes_ = false;
 };
 
 }  // namespace

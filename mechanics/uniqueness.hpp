@@ -2,10 +2,10 @@
 // Whether the forces of contacts determine the motion: the problem of a short step in velocities.
 //
 // With W = [Hn; Ht] M^{-1} [Hn; Ht]^T every contact in a set is open, slips one way or the other, or sticks. Its force
-// is then along Hn, Hn - mu Ht or Hn + mu Ht, or along Hn and Ht, and it changes the rates of the gap, or of gap and
-// sliding velocity. The problem has one solution for all data if the determinants of these maps are positive for all
-// choices: its matrix with eps on the diagonal of the slip rows is then of class P for every small eps. With one
-// contact: Wnn > mu |Wnt|; the rod of Painlevé violates it.
+// is then along Hn, Hn - mu Ht or Hn + mu Ht, along Ht alone, or along Hn and Ht, and it changes the rates of the gap,
+// of the sliding velocity, or of both. The problem has one solution for all data if the determinants of these maps are
+// positive for all choices: its matrix with eps on the diagonal of the slip rows is then of class P for every small
+// eps. With one contact: Wnn > mu |Wnt|; the rod of Painlevé violates it.
 
 #include "mechanism.hpp"
 

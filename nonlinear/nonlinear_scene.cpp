@@ -2,6 +2,7 @@
 
 #include "core/base/error.hpp"
 #include "core/dynamics/dense.hpp"
+#include "core/scene/has_impacts.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -52,7 +53,7 @@ void NonlinearScene::validate() const {
   if (linear.dynamics->has_mass())
     throw Error("dynamics", "the linear part has a mass matrix", "multiply the equations by its inverse");
   if (linear.boundary) throw Error("boundary", "the linear part has boundary values", "give x0");
-  if ((linear.restitution.array() > 0).any())
+  if (has_impacts(linear))
     throw Error("restitution", "is given to a nonlinear scene", "leave it out: its impacts are inelastic");
   if (!linear.cones.empty())
     throw Error("cones", "are given to a nonlinear scene", "leave them out: friction on circles is linear");

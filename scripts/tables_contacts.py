@@ -48,3 +48,53 @@ def chains(data):
         f"least error. {data['machine']['cpu']}, one thread, median of {data['repeats']} rounds in which all take turns"
         f"{', a short run' if data['details']['quick'] else ''}; {origin(data)}.",
     ]
+
+
+def structures(data):
+    """Verdicts of random planar structures, by whether the forces determine the motion."""
+    words = {"unique": "one solution", "unique-motion": "one motion", "unknown": "several, or not known", "none": "not looked at"}
+    shown = ("right", "missed", "wrong", "refused", "slow", "crashed", "undecided")
+    rows = [[words.get(kind, kind), *(found.get(verdict, 0) for verdict in shown)] for kind, found in sorted(data["verdicts"].items())]
+    return table(["solutions", *shown], rows) + [
+        "",
+        f"{data['count']} structures, seeds from {data['first_seed']} on, with 1 to {data['most_contacts']} contacts; method {data['method']}, "
+        f"tolerance {data['tolerance']:g}. Largest error of those that are right {number(data['largest_error'])}, energy of located "
+        f"events balanced to {number(data['largest_energy_of_events'])}. Undecided: the reference gives none; {origin(data)}.",
+    ]
+
+
+def gears(data):
+    """What became of a batch of gears and its derivatives."""
+    found, spent = data["differences"], data["cpu_seconds"]
+    count = data["count"]
+    rows = [
+        ["solved", data["solved"], f"{1e3 * spent['solves'] / count:.0f} ms"],
+        ["with derivatives by mu and e", data["with_derivatives"], f"{1e3 * spent['derivatives'] / count:.0f} ms"],
+        ["without, with a reason", sum(data["masked"].values()), ""],
+    ]
+    return table([f"{count} gears", "number", "processor time each"], rows) + [
+        "",
+        f"{found['compared']} derivatives beside differences of located events of the tests: largest error {number(found['largest_error'])}. "
+        f"{found['masked_but_smooth']} of those without have differences that agree, {found['undecided']} have none; {origin(data)}.",
+    ]
+
+
+def responses(data):
+    """Frequency responses: points, times, and what they are compared with."""
+    jenkins, impact = data["rows"]
+    apart = max(abs(row["branch"] - row["transient"]) / row["transient"] for row in jenkins["transients"])
+    grazing = next(mark["w"] for mark in impact["marks"] if mark["event"] == "grazing")
+    rows = [
+        ["two Jenkins elements", jenkins["points"], seconds(jenkins["cpu_seconds"]["median"]), f"long transients, within {number(apart)}"],
+        ["impact oscillator", impact["points"], seconds(impact["cpu_seconds"]["median"]),
+         f"grazing at {grazing:.5f}, of free motion {impact['grazing_of_free_motion']:.5f}"],
+    ]
+    return table(["branch", "points", "processor time", "beside"], rows) + ["", f"{data['machine']['cpu']}; {origin(data)}."]
+
+
+def cones(data):
+    """Contact problems of files, one row each."""
+    rows = [[row["file"].rsplit(".", 1)[0], row["contacts"], row["rank"], row["status"], number(row["natural"]), seconds(row["cpu_seconds"]["median"])]
+            for row in data["rows"]]
+    return table(["file", "contacts", "rank of W", "status", "natural residual", "processor time"], rows) + [
+        "", f"The files with which Siconos tests; {data['machine']['cpu']}, {origin(data)}."]

@@ -63,7 +63,14 @@ blocks = {
     "docs/measurements/multigrid.md": {"multigrid-short": ("multigrid", short(studies.multigrid, notes=("contraction", "at most")))},
     "docs/measurements/tol.md": {"tol-short": ("tol", worth.tol_share)},
     "docs/measurements/siconos.md": {"peers-short": ("peers", short(peers))},
-    "docs/mechanics.md": {"contacts-errors": ("contacts", contacts.errors), "contacts-chains": ("contacts", contacts.chains)},
+    "docs/mechanics.md": {
+        "contacts-errors": ("contacts", contacts.errors),
+        "contacts-chains": ("contacts", contacts.chains),
+        "contact-structures": ("contact-structures", contacts.structures),
+        "gears": ("gears", contacts.gears),
+        "responses": ("response", contacts.responses),
+    },
+    "docs/lcp.md": {"cones": ("friction", contacts.cones)},
     "docs/measurements/micro.md": {"micro-short": ("micro", short(micro))},
     "docs/dual.md": {
         "dual-short": ("dual-gpu", short(dual, notes=("contraction", "algebraic"))),

@@ -20,18 +20,22 @@ ImpactSteps::ImpactSteps(const ImpactRows& rows, double h, const Vector& x0)
       flow_(rows.A),
       h_(h),
       N_(rows.N),
+      size_of_N_(rows.N.cwiseAbs()),
+      size_of_NA_(rows.NA.cwiseAbs()),
       response_(flow_, rows.B, rows.speeds, h),
       x_(x0),
       y_(Vector::Zero(rows.constraints())),
       shown_(y_),
       integral_(y_),
-      closed_(rows.kind.size(), 0) {}
+      closed_(rows.kind.size(), 0) {
+  if (HeldImpacts::serves(rows)) held_impacts_.emplace(rows, flow_, h);
+}
 
 ImpactSteps::Look ImpactSteps::look(const SmoothSources& now, double s, const Vector& x, const Vector& y) const {
   const Vector f = values(now.f, s), g = values(now.g, s), dg = slopes(now.g, s);
   const Vector x_size = x.cwiseAbs(), f_size = f.cwiseAbs();
-  return {rows_.N * x + g, rows_.NA * x + rows_.N * f + rows_.NB * y + dg, rows_.N.cwiseAbs() * x_size + g.cwiseAbs(),
-          rows_.NA.cwiseAbs() * x_size + rows_.N.cwiseAbs() * f_size + dg.cwiseAbs()};
+  return {rows_.N * x + g, rows_.NA * x + rows_.N * f + rows_.NB * y + dg, size_of_N_ * x_size + g.cwiseAbs(),
+          size_of_NA_ * x_size + size_of_N_ * f_size + dg.cwiseAbs()};
 }
 
 bool ImpactSteps::start(const SmoothSources& first) {
@@ -55,6 +59,7 @@ bool ImpactSteps::pass(const SmoothSources& now) {
       if (closed_[std::size_t(i)] && at.slope[i] < -kink * std::abs(now.g(i, 1))) struck.push_back(i);
     if (!struck.empty() && !strike(now, 0, struck)) return false;
   }
+  if (goes_on_as_before(now)) return true;
   Part part;
   double from = 0;
   for (Index count = 0; from < now.length - same_time * h_; ++count) {
@@ -91,8 +96,33 @@ bool ImpactSteps::pass(const SmoothSources& now) {
   return true;
 }
 
+// A whole step with the contacts and forces of the last one, where these were those of the one before.
+bool ImpactSteps::goes_on_as_before(const SmoothSources& now) {
+  if (!held_impacts_ || first_.size() == 0 || std::abs(now.length - h_) > 1e-12 * h_) return false;
+  if (!held_impacts_->is_held(closed_, y_)) {
+    std::vector<char> active(closed_.size());
+    for (Index i = 0; i < y_.size(); ++i) active[std::size_t(i)] = y_[i] > 0;
+    const bool settled = closed_ == closed_before_ && active == active_before_;
+    closed_before_ = closed_, active_before_ = std::move(active);
+    if (!settled) return false;
+    const Vector bounds = means(now.g, 0, h_);
+    const std::vector<Index> rows = rows_.acting(closed_, &bounds);
+    std::vector<Index> gaps;
+    for (Index i = 0; i < y_.size(); ++i)
+      if (closed_[std::size_t(i)]) gaps.push_back(i);
+    if (!gaps.empty()) prepare_to_put_back(gaps);
+    Matrix back(x_.size(), Index(gaps.size()));
+    for (std::size_t k = 0; k < gaps.size(); ++k) back.col(Index(k)) = rows_.onto.col(gaps[k]);
+    held_impacts_->hold(closed_, rows, matrix(h_, rows), y_, gaps, gaps.empty() ? back : Matrix(back * onto_held_));
+  }
+  if (!held_impacts_->step(now, x_, y_, integral_, residual_)) return false;
+  shown_ = y_;
+  ++report_.count.solved, ++report_.count.newton;
+  return true;
+}
+
 // M + speeds D of these rows.
-ImpactProblem ImpactSteps::problem(double d, const std::vector<Index>& rows) const {
+Matrix ImpactSteps::matrix(double d, const std::vector<Index>& rows) const {
   Matrix W = rows_.M(rows, rows);
   for (std::size_t c = 0; c < rows.size(); ++c) {
     if (rows_.is(rows[c], Kind::spring)) W(Index(c), Index(c)) /= d;
@@ -100,7 +130,11 @@ ImpactProblem ImpactSteps::problem(double d, const std::vector<Index>& rows) con
     for (std::size_t r = 0; r < rows.size(); ++r)
       if (!rows_.is(rows[r], Kind::room)) W(Index(r), Index(c)) += response_.at(d, rows[r], rows[c]);
   }
-  return {std::move(W), cones_among(rows)};
+  return W;
+}
+
+ImpactProblem ImpactSteps::problem(double d, const std::vector<Index>& rows) const {
+  return {matrix(d, rows), cones_among(rows)};
 }
 
 // The part from x_ that begins at `from`, with the contacts that are closed.
@@ -290,15 +324,18 @@ void ImpactSteps::put_back(const SmoothSources& now, double s, const std::vector
     if (closed_[std::size_t(i)] || off[i] < 0 || std::binary_search(more.begin(), more.end(), i)) held.push_back(i);
   }
   if (held.empty()) return;
-  if (held != held_) {
-    held_ = held;
-    Matrix seen(Index(held.size()), Index(held.size()));
-    for (std::size_t k = 0; k < held.size(); ++k) seen.col(Index(k)) = Vector(rows_.N * rows_.onto.col(held[k]))(held);
-    onto_held_ = seen.completeOrthogonalDecomposition().pseudoInverse();
-  }
+  prepare_to_put_back(held);
   Vector by = Vector::Zero(y_.size());
   by(held) = onto_held_ * off(held);
   x_ -= rows_.onto * by;
+}
+
+void ImpactSteps::prepare_to_put_back(const std::vector<Index>& held) {
+  if (held == held_) return;
+  held_ = held;
+  Matrix seen(Index(held.size()), Index(held.size()));
+  for (std::size_t k = 0; k < held.size(); ++k) seen.col(Index(k)) = Vector(rows_.N * rows_.onto.col(held[k]))(held);
+  onto_held_ = seen.completeOrthogonalDecomposition().pseudoInverse();
 }
 
 }  // namespace bromwich

@@ -8,27 +8,22 @@
 // closed contacts, from which they are off by the cube of the part. Where a contact closes, the same problem with
 // D = B has the impulses p as unknowns and Newton's law: w'+ + e w'- >= 0. What is left behind of y is part of it, and
 // complementary to M p. Where a contact that parts would be back within a small part of a step, it stays closed:
-// bounces end in rest. Friction on circles has another direction at the end of a part than at its begin: its impulse is
-// the mean of both (impact_problem.hpp).
+// bounces end in rest. Whole steps on which nothing changes are taken by HeldImpacts. Friction on circles has another
+// direction at the end of a part than at its begin: its impulse is the mean of both (impact_problem.hpp).
 
 #include "../lcp/march_report.hpp"
 #include "bromwich/result.hpp"
+#include "held_impacts.hpp"
 #include "impact_flow.hpp"
 #include "impact_problem.hpp"
 #include "impact_rows.hpp"
+#include "smooth_sources.hpp"
 
 #include <cmath>
 #include <optional>
 #include <vector>
 
 namespace bromwich {
-
-/// f and g on a part of a step where both are smooth: columns of 1, s, s^2 with the time s from `begin`.
-struct SmoothSources {
-  double begin = 0, length = 0;
-  Matrix f, g;          ///< m x 3 and n x 3
-  bool breaks = false;  ///< g or its slope may jump at `begin`
-};
 
 class ImpactSteps {
  public:
@@ -74,6 +69,7 @@ class ImpactSteps {
     Eigen::Vector2d along;
     double of(const Vector& v) const { return along[0] * v[first] + along[1] * v[second]; }
   };
+  Matrix matrix(double d, const std::vector<Index>& rows) const;
   ImpactProblem problem(double d, const std::vector<Index>& rows) const;
   std::vector<ImpactCone> cones_among(const std::vector<Index>& rows) const;
   Matrix slides(const SmoothSources&, double s, const std::vector<Index>& rows) const;
@@ -93,6 +89,8 @@ class ImpactSteps {
   bool strike(const SmoothSources&, double s, const std::vector<Index>& gaps);
   void open(const SmoothSources&, double s, const Vector& z);
   void put_back(const SmoothSources&, double s, const std::vector<Index>& more);
+  void prepare_to_put_back(const std::vector<Index>& held);
+  bool goes_on_as_before(const SmoothSources&);
 
   // Of steps, sizes of terms and sources.
   static constexpr double no_speed = 1e-11;   ///< of the terms of w': less is no speed
@@ -115,7 +113,10 @@ class ImpactSteps {
   ImpactFlow flow_;
   const double h_;
   const Eigen::SparseMatrix<double, Eigen::RowMajor> N_;
+  const SparseMatrix size_of_N_, size_of_NA_;
   const ImpactResponse response_;
+  std::optional<HeldImpacts> held_impacts_;
+  std::vector<char> closed_before_, active_before_;  ///< at the begin of the last step, and rows with y > 0
   // Of whole steps with these rows.
   std::vector<Index> kept_rows_;
   std::optional<ImpactProblem> kept_;

@@ -6,6 +6,7 @@
 #include "core/host/step_lcp.hpp"
 #include "core/march/impact_steps.hpp"
 #include "core/march/outcome.hpp"
+#include "core/scene/has_impacts.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -17,16 +18,21 @@ namespace {
 constexpr Index most_pieces = 64;  ///< of the flow over a step
 
 // The parabola through values at 0, length / 2 and length.
-Matrix parabola(const Vector& from, const Vector& middle, const Vector& to, double length) {
-  Matrix c(from.size(), 3);
-  c << from, (4 * middle - 3 * from - to) / length, 2 * (from - 2 * middle + to) / (length * length);
-  return c;
+template <class Values>
+void set_parabola(const Values& from, const Values& middle, const Values& to, double length, Matrix& c) {
+  c.resize(from.size(), 3);
+  for (Index i = 0; i < from.size(); ++i) {
+    c(i, 0) = from[i];
+    c(i, 1) = (4 * middle[i] - 3 * from[i] - to[i]) / length;
+    c(i, 2) = 2 * (from[i] - 2 * middle[i] + to[i]) / (length * length);
+  }
 }
 
 // f and g of every step, divided where they are not smooth.
 class SourcesOfSteps {
  public:
-  explicit SourcesOfSteps(const DiscreteProblem& p) : p_(p), F_(matrix(p.scene)) {
+  explicit SourcesOfSteps(const DiscreteProblem& p) : p_(p), F_(matrix(p.scene)), smooth_(1) {
+    smooth_[0] = {0, p.h, Matrix::Zero(p.scene.states(), 3), Matrix::Zero(p.scene.constraints(), 3), false};
     Vector middles(p.J);
     for (Index j = 0; j < p.J; ++j) middles[j] = (p.t[j] + p.t[j + 1]) / 2;
     if (p.f.size() > 0) f_ = sample(p.scene.f, middles, p.scene.sources());
@@ -36,21 +42,25 @@ class SourcesOfSteps {
     of_g_.emplace(p.scene.g, p.scene.constraints(), p.sources->resolution);
   }
 
-  std::vector<SmoothSources> of_step(Index j) {
+  /// Until the next call.
+  const std::vector<SmoothSources>& of_step(Index j) {
     const RoughStep* rough = p_.sources ? p_.sources->at(j) : nullptr;
     const bool breaks = rough || std::exchange(was_rough_, rough != nullptr);
-    if (!rough) return {smooth(j, breaks)};
+    if (!rough) {
+      set_smooth(j, breaks);
+      return smooth_;
+    }
     std::vector<double> ends = rough->ends;
     for (const SourcePiece& piece : rough->pieces) ends.push_back(piece.start);
     std::sort(ends.begin(), ends.end());
-    std::vector<SmoothSources> parts;
+    parts_.clear();
     double from = p_.t[j - 1];
     for (const double to : ends) {
       if (!(to - from > 1e-9 * p_.h)) continue;
-      parts.push_back(between(from, to));
+      parts_.push_back(between(from, to));
       from = to;
     }
-    return parts;
+    return parts_;
   }
 
  private:
@@ -62,19 +72,23 @@ class SourcesOfSteps {
     return identity;
   }
 
-  SmoothSources smooth(Index j, bool breaks) const {
-    SmoothSources s{p_.t[j - 1], p_.h, Matrix::Zero(p_.scene.states(), 3), Matrix::Zero(p_.scene.constraints(), 3),
-                    breaks};
-    if (p_.f.size() > 0) s.f = F_ * parabola(p_.f.row(j - 1), f_.row(j - 1), p_.f.row(j), p_.h);
-    if (p_.scene.g) s.g = parabola(p_.g.row(j - 1), g_.row(j - 1), p_.g.row(j), p_.h);
-    return s;
+  void set_smooth(Index j, bool breaks) {
+    SmoothSources& s = smooth_[0];
+    s.begin = p_.t[j - 1], s.breaks = breaks;
+    if (p_.f.size() > 0) {
+      set_parabola<Vector>(p_.f.row(j - 1), f_.row(j - 1), p_.f.row(j), p_.h, shapes_);
+      s.f = F_ * shapes_;
+    }
+    if (p_.scene.g) set_parabola<Vector>(p_.g.row(j - 1), g_.row(j - 1), p_.g.row(j), p_.h, s.g);
   }
 
   static Matrix of(const OneSided& source, double from, double to) {
     Vector middle;
     source.value((from + to) / 2, middle);
-    return parabola(source.whole(source.after(from, to - from)), source.whole(middle),
-                    source.whole(source.before(to, to - from)), to - from);
+    Matrix c;
+    set_parabola<Vector>(source.whole(source.after(from, to - from)), source.whole(middle),
+                         source.whole(source.before(to, to - from)), to - from, c);
+    return c;
   }
 
   SmoothSources between(double from, double to) const {
@@ -89,6 +103,8 @@ class SourcesOfSteps {
   SampledSource f_, g_;  ///< in the middle of each step
   std::optional<OneSided> of_f_, of_g_;
   bool was_rough_ = false;
+  std::vector<SmoothSources> smooth_, parts_;  ///< of the last step
+  Matrix shapes_;
 };
 
 RowMatrix unknown_rows(Index rows, Index width) { return RowMatrix::Constant(rows, width, NAN); }
@@ -104,7 +120,7 @@ void march(const DiscreteProblem& p, const Options& options, ImpactSteps& steps,
   MarchReport& report = steps.report();
   for (Index j = 1; j <= p.J; ++j) {
     bool solved = !asked_to_stop(j, report);
-    const std::vector<SmoothSources> parts = sources.of_step(j);
+    const std::vector<SmoothSources>& parts = sources.of_step(j);
     if (j == 1) {
       solved = solved && steps.start(parts[0]);
       result.starts_with_impulse = !steps.impacts().empty();
@@ -134,9 +150,7 @@ std::optional<ImpactRows> rows_of_impacts(const DiscreteProblem& p) {
   return rows;
 }
 
-bool needs_location(const DiscreteProblem& p) {
-  return (p.scene.restitution.array() > 0).any() || !p.scene.cones.empty();
-}
+bool needs_location(const DiscreteProblem& p) { return has_impacts(p.scene) || !p.scene.cones.empty(); }
 
 void refuse_impacts(Result& result) {
   result.status = Status::unsupported;

@@ -4,6 +4,7 @@
 #include "core/events/event_driven.hpp"
 #include "core/galerkin/galerkin.hpp"
 #include "core/goal/goal.hpp"
+#include "core/scene/has_impacts.hpp"
 #include "core/solve/error_control.hpp"
 #include "core/solve/given_steps.hpp"
 #include "core/solve/mixed.hpp"
@@ -35,11 +36,10 @@ Vector start_by_galerkin(const Scene& scene, Backend& backend, const InnerOption
 
 bool ends(const Result& r) { return r.status == Status::solved || r.status == Status::interrupted; }
 
-// Impacts with restitution are located: other steps than those of march would take them as without.
-bool bounces(const Scene& scene) { return (scene.restitution.array() > 0).any(); }
-// So are modes with memory.
+// Modes with memory are located, as impacts with restitution are: other steps than those of march would take them as
+// without.
 bool remembers(const Scene& scene) { return !scene.memories.empty(); }
-bool is_located(const Scene& scene) { return bounces(scene) || remembers(scene); }
+bool is_located(const Scene& scene) { return has_impacts(scene) || remembers(scene); }
 
 // Where it does not succeed from rest, it starts from method galerkin.
 Result by_shooting(const Scene& scene, Backend& backend, const InnerOptions& options) {
@@ -55,6 +55,13 @@ Result by_shooting(const Scene& scene, Backend& backend, const InnerOptions& opt
 Result on_grids(const Scene& scene, Backend& backend, const InnerOptions& options) {
   return controls_error(options) ? solve_to_tolerance(scene, backend, options)
                                  : solve_on_steps(scene, backend, options);
+}
+
+// Method march with a tolerance, in turn with located events.
+Result by_march_and_events(const Scene& scene, Backend& backend, const InnerOptions& options) {
+  InnerOptions of_grids = options;
+  of_grids.method = Method::march;
+  return solve_beside_events(scene, backend, of_grids);
 }
 
 Result for_goal(const Scene& scene, Backend& backend, const InnerOptions& options) {
@@ -83,7 +90,7 @@ std::string not_events(const Scene& scene) {
 
 std::string not_impacts(const Scene& scene) {
   if (!scene.cones.empty()) return of_circles;
-  if (bounces(scene)) return of_impacts;
+  if (has_impacts(scene)) return of_impacts;
   return remembers(scene) ? of_memory : "";
 }
 
@@ -104,8 +111,17 @@ std::string not_on_other_steps(const Scene& scene) {
 
 bool never(const Scene&, const InnerOptions&) { return false; }
 bool always(const Scene&, const InnerOptions&) { return true; }
-bool has_impacts(const Scene& scene, const InnerOptions&) { return is_located(scene) && !scene.boundary; }
-bool needs_march(const Scene& scene, const InnerOptions&) { return bounces(scene) || !scene.cones.empty(); }
+// Either may be the faster one: events by their number, march by the tolerance.
+bool has_choice(const Scene& scene, const InnerOptions& options) {
+  return has_impacts(scene) && !remembers(scene) && !scene.boundary && scene.cones.empty() && controls_error(options) &&
+         unsuited_to_events(scene).empty();
+}
+bool locates(const Scene& scene, const InnerOptions& options) {
+  return is_located(scene) && !scene.boundary && !has_choice(scene, options);
+}
+bool needs_march(const Scene& scene, const InnerOptions& options) {
+  return (has_impacts(scene) || !scene.cones.empty()) && !has_choice(scene, options);
+}
 bool has_boundary(const Scene& scene, const InnerOptions& options) { return scene.boundary && !options.event_location; }
 
 /// Of grids that are tried where method shooting has found no x(0): states that it does not find, unstable ones and
@@ -124,14 +140,15 @@ constexpr Engine engines[] = {
     {Method::goal, never, not_impacts, for_goal},
     {Method::shooting, has_boundary, not_shooting, by_shooting},
     {Method::galerkin, needs_galerkin, not_impacts, on_grids},
-    {Method::events, has_impacts, not_events, solve_by_events},  // others with a tolerance: error_control.cpp
+    {Method::events, locates, not_events, solve_by_events},  // others with a tolerance: error_control.cpp
+    {Method::events, has_choice, not_events, by_march_and_events},
     {Method::march, needs_march, not_on_steps, on_grids},
     {Method::automatic, always, not_on_other_steps, on_grids},
 };
 
 // Where method shooting finds no x(0), grids may; where events are not located, steps over impacts may do.
 bool may_be_followed(const Engine& engine, const Scene& scene) {
-  return engine.method == Method::shooting || (engine.method == Method::events && !remembers(scene));
+  return engine.method == Method::shooting || (engine.automatic == locates && !remembers(scene));
 }
 
 // Method shooting takes initial values on given steps, as the methods of these do.

@@ -40,8 +40,8 @@ Result or_by_euler(Result result, const Scene& scene, Backend& backend, const In
   return first_order;
 }
 
-// Method automatic where events can be located. Both go on in turn: grids as long as they are expected to need fewer
-// operations than the located events still do.
+// Located events and grids, by method automatic or by march alone. Both go on in turn: grids as long as they are
+// expected to need fewer operations than the located events still do.
 class EventsBesideGrids {
  public:
   EventsBesideGrids(const Scene& scene, Backend& backend, const InnerOptions& options)
@@ -55,6 +55,9 @@ class EventsBesideGrids {
     if (ended) return std::move(events.result);
     while (!of_grids_) of_grids_ = grids_.advance();
     Result result = or_by_euler(std::move(*of_grids_), scene_, backend_, options_);
+    if (options_.method != Method::automatic && result.status != Status::solved)
+      result.reason =
+          "method events: " + events.result.reason + "; method " + to_string(options_.method) + ": " + result.reason;
     if (result.status == Status::solved && events.cause && events.cause->code == NoticeCode::other_state)
       tell(result, *events.cause);  // grids go to one of them, and may all go to the same one
     return result;
@@ -98,7 +101,9 @@ Result solve_by_events(const Scene& given, Backend& backend, const InnerOptions&
                          event_goal(options, patient_events));
 }
 
-Result solve_to_tolerance(const Scene& given, Backend& backend, const InnerOptions& asked) {
+namespace {
+
+Result to_tolerance(const Scene& given, Backend& backend, const InnerOptions& asked, bool beside_events) {
   InnerOptions options = asked;
   if (!options.prepared) options.prepared = std::make_shared<Prepared>();
   if (!options.family) options.family = std::make_shared<GridFamily>(true);
@@ -106,10 +111,20 @@ Result solve_to_tolerance(const Scene& given, Backend& backend, const InnerOptio
   const bool more = own.breakpoints.size() != given.breakpoints.size();
   own.breakpoints_are_all = more || given.breakpoints_are_all;
   const Scene& scene = more || !options.prepared->stated ? own : given;
-  if (options.method == Method::automatic && unsuited_to_events(scene).empty())
-    return EventsBesideGrids(scene, backend, options).run();
+  if (beside_events) return EventsBesideGrids(scene, backend, options).run();
   const bool measures = options.method != Method::automatic;
   return or_by_euler(GridRefinement(scene, backend, options, measures).run(), scene, backend, options);
+}
+
+}  // namespace
+
+Result solve_to_tolerance(const Scene& scene, Backend& backend, const InnerOptions& options) {
+  return to_tolerance(scene, backend, options,
+                      options.method == Method::automatic && unsuited_to_events(scene).empty());
+}
+
+Result solve_beside_events(const Scene& scene, Backend& backend, const InnerOptions& options) {
+  return to_tolerance(scene, backend, options, true);
 }
 
 }  // namespace bromwich

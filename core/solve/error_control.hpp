@@ -26,6 +26,9 @@ double iteration_error(const std::vector<double>& history);
 /// than the integration still does. Grids are for other scenes, and for those that it gives up.
 Result solve_to_tolerance(const Scene&, Backend&, const InnerOptions&);
 
+/// The same with the method of the options for the grids, in turn with located events.
+Result solve_beside_events(const Scene&, Backend&, const InnerOptions&);
+
 /// Method events by name, to a tolerance or on one grid.
 Result solve_by_events(const Scene&, Backend&, const InnerOptions&);
 

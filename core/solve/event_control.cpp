@@ -357,7 +357,8 @@ EventReference::EventReference(const Scene& scene, Backend& backend, std::vector
 
 std::optional<EventReference> EventReference::find(const Scene& scene, Backend& backend, const InnerOptions& options,
                                                    const ComponentSizes& sizes, const EventGoal& goal, Index J) {
-  constexpr double most_apart = 0.1;  // of the tolerance
+  constexpr double most_apart = 0.1;      // of the tolerance
+  constexpr double looked_at = 1.0 / 16;  // of the operations, before more are expected
   if (!unsuited_to_events(scene).empty() || scene.constraints() == 0) return std::nullopt;
   const LcpClass c = selection_class(scene.M, scene.lcp_class);
   const double tolerance = tolerance_for(goal);
@@ -368,7 +369,13 @@ std::optional<EventReference> EventReference::find(const Scene& scene, Backend& 
   const auto kept = keep_regimes();
   for (std::size_t k = 0; k < 2; ++k) {
     const double finer = k == 0 ? tolerance : std::max(finest_tolerance, ratio * tolerance);
-    auto s = std::make_shared<EventSolution>(integrate_scene(scene, quiet, c, finer, k + 1, goal.most_work, kept));
+    // Where it is expected to need more, it is given up early.
+    const auto budget = [most = goal.most_work, T = scene.T](double work, double t) {
+      if (work < looked_at * most) return looked_at * most;
+      return work / std::max(t / T, 1e-3) > most ? 0 : 1.25 * work;
+    };
+    auto s =
+        std::make_shared<EventSolution>(integrate_scene(scene, quiet, c, finer, k + 1, goal.most_work, kept, budget));
     if (!s->complete) return std::nullopt;
     found[k] = EventReference(scene, backend, recorded_components(scene, options), std::move(s));
     rows[k] = found[k]->on(J);

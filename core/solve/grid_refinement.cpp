@@ -24,10 +24,14 @@ constexpr double most_growth = 1e3;           ///< of perturbations, above which
 constexpr Index patience_with_failures = 16;  ///< times the scene's steps: below, a failure is put down to the grid
 
 // As many steps as breakpoints, at least: with fewer, grids may look at all periods of a source in the same phases.
+// Where steps are divided at impacts, coarser grids than the three that an order takes save nothing: they have as many
+// parts.
 Index first_grid(const Scene& scene, const Options& options) {
   const Index jumps = std::min(Index(scene.breakpoints.size()), options.max_steps / 2);
   Index J = steps_of(scene, options);
-  while (options.steps == 0 && J % 2 == 0 && J / 2 >= std::max(fewest_steps, jumps)) J /= 2;
+  const bool divides = scene.restitution.size() > 0 || !scene.cones.empty();
+  const Index fewest = std::max(divides ? J / 4 : fewest_steps, jumps);
+  while (options.steps == 0 && J % 2 == 0 && J / 2 >= std::max(fewest_steps, fewest)) J /= 2;
   while (J < jumps) J *= 2;
   return J;
 }
@@ -261,8 +265,11 @@ void GridRefinement::take(Result& next) {
 void GridRefinement::look_for_reference() {
   if (tried_reference_ || solved_->steps < expected_) return;
   tried_reference_ = true;
+  double most = operations_of_next();  // as much as grids take
+  for (const Index J : grids_) most += operations(J);
+  most = std::min(most, quick_events(scene_));
   reference_ = EventReference::find(scene_, backend_, options_, sizes_,
-                                    {goal_.smallest(), goal_.y > 0, goal_.x > 0, quick_events(scene_)}, solved_->steps);
+                                    {goal_.smallest(), goal_.y > 0, goal_.x > 0, most}, solved_->steps);
   if (reference_) note(options_.log, LogLevel::info, "errors are those against a solution by located events");
 }
 

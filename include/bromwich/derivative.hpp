@@ -56,6 +56,7 @@ struct DataChange {
   Matrix E = {};            ///< where the scene has a mass matrix
   Vector b = {};            ///< m, where the scene has a boundary condition
   Matrix E0 = {}, ET = {};  ///< m x m, likewise
+  Vector restitution = {};  ///< n: where impacts are located
 };
 
 /// By the modes of memories, one number for each memory.
@@ -126,8 +127,11 @@ class SolutionDerivative {
 //
 //     dx+ = dx- + (x'- - x'+) dt,
 //
-// with the derivative of the map x+ = x- + B p where the state jumps. The integral of y gets (y- - y+) dt + dp. vjp is
-// the transpose of all these maps in reverse order.
+// with the derivative of the map x+ = x- + B p where the state jumps, by the coefficients of restitution too. The
+// integral of y gets (y- - y+) dt + dp. vjp is the transpose of all these maps in reverse order. A change of M has to
+// keep the left kernel of a singular M_SS, as that of the coefficient of friction of a contact does: U^T dM_SS = 0 for
+// U^T M_SS = 0, so that the constraints on the state stay what they are, and p changes by -M_SS^+ dM_SS p beside what
+// the constraints ask for.
 //
 // At a change of the mode of a memory c is its condition, the dynamics behind it are those of the new mode, and states
 // that the memory sets do not change. A change of A, ..., g counts in all modes.

@@ -18,6 +18,7 @@ from ._arrays import Tridiagonal
 from ._array_solver import ArrayResult, ArraySolver, SharedArray
 from ._derivative import (
     BatchDerivative,
+    BatchJacobian,
     Derivative,
     Gradient,
     ParameterGradient,
@@ -65,6 +66,7 @@ __all__ = [
     "BackendInfo",
     "Balance",
     "BatchDerivative",
+    "BatchJacobian",
     "BatchResult",
     "Branch",
     "BranchMark",

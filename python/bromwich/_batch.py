@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
-from typing import Any, Literal
+from typing import Any, Literal, overload
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from ._array_solver import SharedArray
 from ._arrays import of_other_library, on_host
 from ._backends import cuda_devices
 from ._batch_output import BatchOutput
-from ._derivative import BatchDerivative
+from ._derivative import BatchDerivative, BatchJacobian
 from ._errors import Error, Interrupted, NotSolved, NotSolvedWarning
 from ._machine import wanted
 from ._progress import reporting
@@ -106,22 +106,50 @@ class BatchResult(BatchOutput):
         """K booleans: whether the status is ``solved``."""
         return np.array(self._answer.solved, dtype=bool)
 
-    def derivative(self, *, located: bool | None = None, threads: int = 1, failed: str = "nan") -> BatchDerivative:
-        """The derivatives of all scenes, with their ``jvp`` and ``vjp`` (:class:`BatchDerivative`). With located switches
-        the rows may have any ``times``; otherwise they have to be the time points of the grid, without ``times`` and
-        ``tol``.
+    @overload
+    def derivative(
+        self, *, located: bool | None = None, threads: int = 1, failed: str = "nan"
+    ) -> BatchDerivative: ...
+    @overload
+    def derivative(
+        self,
+        *,
+        located: bool | None = None,
+        threads: int = 1,
+        failed: str = "nan",
+        parameters: Mapping[str, Any],
+        scene_of: Callable[..., Scene],
+    ) -> BatchJacobian: ...
+    def derivative(
+        self,
+        *,
+        located: bool | None = None,
+        threads: int = 1,
+        failed: str = "nan",
+        parameters: Mapping[str, Any] | None = None,
+        scene_of: Callable[..., Scene] | None = None,
+    ) -> BatchDerivative | BatchJacobian:
+        """The derivatives of all scenes, with their ``jvp`` and ``vjp`` (:class:`BatchDerivative`), or by parameters
+        (:class:`BatchJacobian`). With located switches the rows may have any ``times``; otherwise they have to be the time
+        points of the grid, without ``times`` and ``tol``.
 
         Args:
             located: with located switches; None: where M is not of class P, and where ``times`` were given.
-            threads: for ``jvp`` and ``vjp``; 0: all.
+            threads: for ``jvp`` and ``vjp``, or for all of the derivatives by parameters; 0: all.
             failed: what scenes without a derivative have in the tables, ``"nan"`` or ``"zero"``; ``"raise"``: the first one
                 raises an :class:`Error`.
+            parameters: values of the arguments of ``scene_of``, K each, or a number for all.
+            scene_of: a function of these, by keyword, that returns the scene with these values.
         """
         if not isinstance(self._answer, DealtAnswer) and self._answer.columns_on_backend is not None:
             raise Error("derivative: is asked of results on a device; solve with results='host'", "results")
         if isinstance(self._answer, DealtAnswer):
             raise Error("derivative: is asked of scenes on several ranks; solve the scenes of each rank without ranks", "ranks")
-        return BatchDerivative(self._answer, located, threads, failed)
+        if parameters is None and scene_of is None:
+            return BatchDerivative(self._answer, located, threads, failed)
+        if parameters is None or scene_of is None:
+            raise Error("parameters: are given together with scene_of; give both, or neither", "parameters")
+        return BatchJacobian(self._answer, parameters, scene_of, located, threads, failed)
 
     def __len__(self) -> int:
         return self._answer.scenes

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -11,6 +12,7 @@ from . import _core
 from ._errors import Error
 from ._recorded import Recorded
 from ._result_derivative import Margin, ResultDerivative, Tangent, tables, values
+from ._scene import Scene
 from ._sources import _require
 
 
@@ -20,7 +22,8 @@ class Gradient(NamedTuple):
     of M acts from one side only), E is None where switches are not located. Where y_i = w_i = 0 and only some changes
     have a derivative, the data are None on which that depends: x0; f, A, B and E; or g, N and M. Of scenes with more than
     1000 states there are x0 (None for dynamics of callbacks), f (through B: (J+1) x n), g and M. Boundary-value problems
-    have b (m), E0 and ET in place of x0."""
+    have b (m), E0 and ET in place of x0. Where impacts are located there is restitution (n); None where a contact strikes
+    with e = 0, since bounces that begin there act from one side."""
 
     x0: np.ndarray | None
     f: np.ndarray | None
@@ -33,6 +36,7 @@ class Gradient(NamedTuple):
     b: np.ndarray | None = None
     E0: np.ndarray | None = None
     ET: np.ndarray | None = None
+    restitution: np.ndarray | None = None
 
 
 class ParameterGradient(NamedTuple):
@@ -83,13 +87,14 @@ class Derivative(ResultDerivative):
         b: Any = None,
         E0: Any = None,
         ET: Any = None,
+        restitution: Any = None,
         states: bool = False,
     ) -> Tangent:
         """The change of the solution that a change of the data causes, to first order.
 
         Args:
             x0: m values. f, g: (J+1) x m and (J+1) x n, at the time points. A, B, N, M, E: as those of the scene. b, E0,
-                ET: m values and m x m, of a boundary condition. None: no change.
+                ET: m values and m x m, of a boundary condition. restitution: n values. None: no change.
             states: whether x of scenes with more than 1000 states is wanted, (J+1) x m numbers; smaller ones always have it.
 
         Raises:
@@ -97,8 +102,9 @@ class Derivative(ResultDerivative):
                 derivative.
         """
         *arrays, E0, ET = tables(f=f, g=g, A=A, B=B, N=N, M=M, E=E, E0=E0, ET=ET)
-        x0, b = (None if v is None else values(v, name).ravel() for name, v in (("x0", x0), ("b", b)))
-        return Tangent(*self._core.jvp(x0, *arrays, b, E0, ET, bool(states)))
+        given = {"x0": x0, "b": b, "restitution": restitution}
+        x0, b, restitution = (None if v is None else values(v, name).ravel() for name, v in given.items())
+        return Tangent(*self._core.jvp(x0, *arrays, b, E0, ET, restitution, bool(states)))
 
     def vjp(
         self, *, y: Any = None, x: Any = None, w: Any = None, integral: Any = None, x0: bool = True
@@ -126,12 +132,14 @@ class Derivative(ResultDerivative):
         Raises:
             Error: as :meth:`jvp`, and where the solution with half the step is not found or has no derivative.
         """
-        given = {name: changes.pop(name, None) for name in "x0 f g A B N M E b E0 ET".split()}
+        given = {name: changes.pop(name, None) for name in "x0 f g A B N M E b E0 ET restitution".split()}
         for name in changes:
             raise Error(f"{name}: is not known; use {', '.join(given)}", name)
         *arrays, E0, ET = tables(**{name: given[name] for name in "f g A B N M E E0 ET".split()})
-        x0, b = (None if given[name] is None else values(given[name], name).ravel() for name in ("x0", "b"))
-        return Tangent(*self._error.jvp(x0, *arrays, b, E0, ET, bool(states)))
+        x0, b, restitution = (
+            None if given[name] is None else values(given[name], name).ravel() for name in ("x0", "b", "restitution")
+        )
+        return Tangent(*self._error.jvp(x0, *arrays, b, E0, ET, restitution, bool(states)))
 
     def vjp_error(
         self, *, y: Any = None, x: Any = None, w: Any = None, integral: Any = None, x0: bool = True
@@ -222,7 +230,7 @@ class BatchDerivative:
     """
 
     # Number of axes for one scene; an array with one more has the scenes as leading axis.
-    _AXES = {"x0": 1, "f": 2, "g": 2, "A": 2, "B": 2, "N": 2, "M": 2, "E": 2, "y": 2, "x": 2, "w": 2, "integral": 2}
+    _AXES = {"x0": 1, "restitution": 1, **{name: 2 for name in "f g A B N M E y x w integral".split()}}
 
     def __init__(
         self, answer: _core.BatchAnswer, located: bool | None = None, threads: int = 1, failed: str = "nan"
@@ -240,9 +248,9 @@ class BatchDerivative:
         """The changes of the solutions: tables K x (J+1) x n, m, n, n, and K reasons.
 
         Args:
-            changes: x0, f, g, A, B, N, M, E as :meth:`Derivative.jvp` takes them, or with a leading axis of length K.
+            changes: x0, f, g, A, B, N, M, E, restitution as :meth:`Derivative.jvp` takes them, or with a leading axis of length K.
         """
-        given, finite = self._each(changes, "x0 f g A B N M E")
+        given, finite = self._each(changes, "x0 f g A B N M E restitution")
         *found, reason = self._core.jvp(given, self._threads)
         found, reason = self._judged([self._stacked(t) for t in found], reason, finite)
         return Tangent(*found), reason
@@ -257,26 +265,15 @@ class BatchDerivative:
         given, finite = self._each(weights, "y x w integral")
         *found, reason = self._core.vjp(given, self._threads)
         found, reason = self._judged([self._stacked(t) for t in found], reason, finite)
-        if found[0] is not None:
-            found[0] = found[0][:, :, 0]
-        return Gradient(*found), reason
+        *of_data, restitution = [None if t is None else t[:, :, 0] if i in (0, 8) else t for i, t in enumerate(found)]
+        return Gradient(*of_data, restitution=restitution), reason
 
     def _judged(self, tables: list[Any], reason: list[str], finite: np.ndarray) -> tuple[list[Any], list[str]]:
-        """What scenes without a derivative have, by ``failed``."""
         reason = [r or ("" if good else "derivative: changes or weights are not finite") for r, good in zip(reason, finite)]
-        bad = np.array([bool(r) for r in reason])
-        if self._failed == "raise" and bad.any():
-            k = int(np.argmax(bad))
-            raise Error(f"scene {k}: {reason[k]}", "derivative")
-        if bad.any():
-            tables = [None if t is None else np.array(t) for t in tables]
-            for t in tables:
-                if t is not None:
-                    t[bad] = 0 if self._failed == "zero" else np.nan
-        return tables, reason
+        return _of_failed(tables, reason, self._failed), reason
 
     def _stacked(self, table: np.ndarray | None) -> Any:
-        return None if table is None else table.reshape(self._K, -1, table.shape[1])
+        return _stacked(table, self._K)
 
     def _each(self, given: dict[str, Any], names: str) -> tuple[dict[str, np.ndarray], np.ndarray]:
         """Tables for the compiled part, and whether those of each scene are finite."""
@@ -298,3 +295,68 @@ class BatchDerivative:
                 finite &= good
             taken[name] = np.ascontiguousarray(v)
         return taken, finite
+
+
+class BatchJacobian:
+    """The derivatives of the scenes of a batch by parameters, with the scenes as leading axis.
+
+    Made by :meth:`BatchResult.derivative` with ``parameters``. A scene that is not solved, or not differentiable where it
+    is, has a line in ``reason`` and NaN (with ``failed="zero"``: 0) in all tables.
+
+    Attributes:
+        by: a :class:`Tangent` of tables K x rows x columns under the name of each parameter.
+        reason: K lines, empty where there is a derivative.
+        ok: K booleans, whether there is one.
+        margin: K of :class:`Margin`.
+
+    Example:
+        >>> r = solve_batch([gear(mu, e) for mu, e in zip(mus, es)], tol=1e-6, times=[0, 1, 2], states="all")
+        >>> d = r.derivative(parameters={"mu": mus, "e": es}, scene_of=gear)
+        >>> d.by["mu"].x[d.ok, -1]                       # dx(T)/dmu of the scenes that have it
+    """
+
+    def __init__(
+        self,
+        answer: _core.BatchAnswer,
+        parameters: Mapping[str, Any],
+        scene_of: Callable[..., Scene],
+        located: bool | None,
+        threads: int,
+        failed: str,
+    ) -> None:
+        _require(failed in ("nan", "zero", "raise"), "failed", f"found {failed!r}", "use nan, zero or raise")
+        _require(bool(parameters), "parameters", "is empty", "name one or more")
+        names, K = list(parameters), answer.scenes
+        given = [np.asarray(parameters[name], dtype=float) for name in names]
+        for name, v in zip(names, given):
+            _require(v.shape in ((), (K,)), name, f"has shape {v.shape}", f"give a number, or {K}")
+        table = np.ascontiguousarray(np.column_stack([np.broadcast_to(v, (K,)) for v in given]))
+
+        def model(at: list[float]) -> _core.Model:
+            return scene_of(**dict(zip(names, at)))._model
+
+        by, self.reason, margins = _core.batch_jacobian(answer, names, table, model, located, threads)
+        self.ok = np.array([not reason for reason in self.reason])
+        self.margin = [Margin(*one) for one in margins]
+        self.by: dict[str, Tangent] = {}
+        for name, tables_of in zip(names, by):
+            found = [_stacked(t, K) for t in tables_of]
+            self.by[name] = Tangent(*_of_failed(found, self.reason, failed))
+
+
+def _stacked(table: np.ndarray | None, K: int) -> Any:
+    return None if table is None else table.reshape(K, -1, table.shape[1])
+
+
+def _of_failed(tables: list[Any], reason: list[str], failed: str) -> list[Any]:
+    """What scenes without a derivative have."""
+    bad = np.array([bool(r) for r in reason])
+    if failed == "raise" and bad.any():
+        k = int(np.argmax(bad))
+        raise Error(f"scene {k}: {reason[k]}", "derivative")
+    if bad.any():
+        tables = [None if t is None else np.array(t) for t in tables]
+        for t in tables:
+            if t is not None:
+                t[bad] = 0 if failed == "zero" else np.nan
+    return tables

@@ -30,7 +30,7 @@ class MechanicalScene(Scene):
     @property
     def uniqueness(self) -> str:
         """Whether friction leaves one solution: ``unique``; ``unique-motion``, forces may be several; ``unknown``: there may be
-        several solutions or none; ``not-tested``: more than seven contacts, or friction in space."""
+        several solutions or none; ``not-tested``: more than eight contacts, or friction in space."""
         return self._mechanism.uniqueness()
 
     @classmethod

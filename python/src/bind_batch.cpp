@@ -5,6 +5,7 @@
 #include "batch/batch.hpp"
 #include "batch/batch_arrays.hpp"
 #include "batch/batch_derivative.hpp"
+#include "batch/batch_parameters.hpp"
 #include "batch/stopped_batch.hpp"
 #include "calls.hpp"
 #include "cpu/cpu_backend.hpp"
@@ -251,10 +252,10 @@ nb::tuple forward_each(const EachDerivative& d, const Tables& given, int threads
       const Index rows = Index(found->second.shape(1)), cols = Index(found->second.shape(2));
       to = Eigen::Map<const RowMatrix>(found->second.data() + Index(k) * rows * cols, rows, cols);
     };
-    RowMatrix x0;
-    take("x0", x0), take("f", c.f), take("g", c.g);
+    RowMatrix x0, restitution;
+    take("x0", x0), take("restitution", restitution), take("f", c.f), take("g", c.g);
     take("A", c.A), take("B", c.B), take("N", c.N), take("M", c.M), take("E", c.E);
-    c.x0 = x0.transpose().reshaped();
+    c.x0 = x0.transpose().reshaped(), c.restitution = restitution.transpose().reshaped();
   }
   const auto backend = make_cpu_backend(threads);
   const auto lock = d.locked();
@@ -264,7 +265,7 @@ nb::tuple forward_each(const EachDerivative& d, const Tables& given, int threads
                         out.reason);
 }
 
-/// (x0, f, g, A, B, N, M, E, reasons).
+/// (x0, f, g, A, B, N, M, E, restitution, reasons).
 nb::tuple backward_each(const EachDerivative& d, const Tables& given, int threads) {
   std::vector<SolutionChange> functions{std::size_t(d->scenes())};
   for (std::size_t k = 0; k < functions.size(); ++k)
@@ -282,14 +283,51 @@ nb::tuple backward_each(const EachDerivative& d, const Tables& given, int thread
   return nb::make_tuple(member(out.value, &DataChange::x0), member(out.value, &DataChange::f),
                         member(out.value, &DataChange::g), member(out.value, &DataChange::A),
                         member(out.value, &DataChange::B), member(out.value, &DataChange::N),
-                        member(out.value, &DataChange::M), member(out.value, &DataChange::E), out.reason);
+                        member(out.value, &DataChange::M), member(out.value, &DataChange::E),
+                        member(out.value, &DataChange::restitution), out.reason);
 }
 
-nb::list margins(const EachDerivative& d) {
+nb::list margins(const std::vector<DerivativeMargin>& of_scenes) {
   nb::list all;
-  for (const DerivativeMargin& at : d->margin())
+  for (const DerivativeMargin& at : of_scenes)
     all.append(nb::make_tuple(at.margin, at.time, at.constraint, at.transversality, at.grazing_time));
   return all;
+}
+
+/// By parameters: (tables of each, reasons, margins). `values`: of each scene in turn; `scene_of`: (values of a scene)
+/// to a model.
+nb::tuple jacobian_of_each(BatchAnswer& answer, const std::vector<std::string>& names, const Array2& values,
+                           const nb::callable& scene_of, std::optional<bool> located, int threads) {
+  add_missing_rows(answer.result);
+  const RowMatrix given = as_matrix(values);
+  const auto scene_at = [&scene_of](const Vector& at) {
+    const nb::gil_scoped_acquire held;
+    try {
+      const auto model = nb::cast<std::shared_ptr<Model>>(scene_of(std::vector<double>(at.begin(), at.end())));
+      return ParameterScene{model->scene, nullptr};
+    } catch (const nb::python_error& raised) {  // there is no scene with these values
+      if (!raised.matches(nb::module_::import_("bromwich").attr("Error"))) throw;
+      throw Error("scene_of", nb::str(raised.value()).c_str(), "return a scene for these values");
+    }
+  };
+  const auto parameters = [&](Index k) {
+    std::vector<VariedParameter> all;
+    for (Index p = 0; p < Index(names.size()); ++p)
+      all.push_back({names[std::size_t(p)], given(k, p), [&, k, p](double value) {
+                       Vector at = given.row(k).transpose();
+                       at[p] = value;
+                       return scene_at(at);
+                     }});
+    return all;
+  };
+  const auto backend = make_cpu_backend(threads);
+  const BatchJacobian found =
+      interruptible([&] { return jacobian_of(*answer.batch, answer.result, parameters, *backend, located, *backend); });
+  nb::list by;
+  for (const std::vector<SolutionChange>& one : found.by)
+    by.append(nb::make_tuple(member(one, &SolutionChange::y), member(one, &SolutionChange::x),
+                             member(one, &SolutionChange::w), member(one, &SolutionChange::integral)));
+  return nb::make_tuple(by, found.reason, margins(found.margin));
 }
 
 }  // namespace
@@ -348,9 +386,11 @@ void bind_batch(nb::module_& m) {
       .def_prop_ro("reason", [](const EachDerivative& d) { return d->reason(); })
       .def_prop_ro("located", [](const EachDerivative& d) { return d->located(); })
       .def_prop_ro("side_by_side", [](const EachDerivative& d) { return d->side_by_side(); })
-      .def_prop_ro("margin", &margins)
+      .def_prop_ro("margin", [](const EachDerivative& d) { return margins(d->margin()); })
       .def("jvp", &forward_each, nb::arg("tables"), nb::arg("threads"))
       .def("vjp", &backward_each, nb::arg("tables"), nb::arg("threads"));
+  m.def("batch_jacobian", &jacobian_of_each, nb::arg("answer"), nb::arg("names"), nb::arg("values"),
+        nb::arg("scene_of"), nb::arg("located").none(), nb::arg("threads"));
   m.def("solve_batch", &solve_many, nb::arg("models"), nb::arg("scenes"), nb::arg("axes"), nb::arg("x0").none(),
         nb::arg("f"), nb::arg("g"), nb::arg("times"), nb::arg("keep_on_backend"), nb::arg("options"), nb::arg("wanted"),
         nb::arg("progress").none(), nb::arg("stop").none());

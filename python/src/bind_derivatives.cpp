@@ -155,10 +155,10 @@ nb::tuple forward(const D& d, const std::optional<Array1>& x0, const std::option
                   const std::optional<Array2>& g, const std::optional<Array2>& A, const std::optional<Array2>& B,
                   const std::optional<Array2>& N, const std::optional<Array2>& M, const std::optional<Array2>& E,
                   const std::optional<Array1>& b, const std::optional<Array2>& E0, const std::optional<Array2>& ET,
-                  bool states) {
+                  const std::optional<Array1>& restitution, bool states) {
   const auto values = [](const std::optional<Array1>& v) { return v ? Vector(as_vector(*v)) : Vector(); };
   return tables_of(d.jvp({values(x0), table(f), table(g), table(A), table(B), table(N), table(M), table(E), values(b),
-                          table(E0), table(ET)},
+                          table(E0), table(ET), values(restitution)},
                          states));
 }
 
@@ -169,7 +169,7 @@ nb::tuple backward(const D& d, const std::optional<Array2>& y, const std::option
   const auto values = [](Vector& v) { return v.size() > 0 ? handed_over(std::move(v)) : nb::none(); };
   const auto rows = [](RowMatrix& m) { return m.rows() > 0 ? handed_over(std::move(m)) : nb::none(); };
   return nb::make_tuple(values(g.x0), rows(g.f), rows(g.g), or_none(g.A), or_none(g.B), or_none(g.N), or_none(g.M),
-                        or_none(g.E), values(g.b), or_none(g.E0), or_none(g.ET));
+                        or_none(g.E), values(g.b), or_none(g.E0), or_none(g.ET), values(g.restitution));
 }
 
 nb::tuple forward_by_sum(const AnyDerivative& d, double face, double across, double decay, double input, double output,
@@ -246,7 +246,7 @@ template <class D>
 void bind_passes(nb::class_<D>& c) {
   c.def("jvp", &forward<D>, nb::arg("x0").none(), nb::arg("f").none(), nb::arg("g").none(), nb::arg("A").none(),
         nb::arg("B").none(), nb::arg("N").none(), nb::arg("M").none(), nb::arg("E").none(), nb::arg("b").none(),
-        nb::arg("E0").none(), nb::arg("ET").none(), nb::arg("states"))
+        nb::arg("E0").none(), nb::arg("ET").none(), nb::arg("restitution").none(), nb::arg("states"))
       .def("vjp", &backward<D>, nb::arg("y").none(), nb::arg("x").none(), nb::arg("w").none(),
            nb::arg("integral").none(), nb::arg("x0"));
 }

@@ -243,6 +243,21 @@ TEST(ImpactSteps, ManyContactsToATolerance) {
   EXPECT_LE((positions(r) - positions(stepped(many, 6400))).cwiseAbs().maxCoeff(), 1e-3);
 }
 
+// With many impacts located events need more operations than grids: method automatic tries both, with restitution too.
+TEST(ImpactSteps, AutomaticTakesWhatNeedsLess) {
+  const Scene sixteen = chain(16, 0.5).scene;
+  Options options = options_for(Method::automatic);
+  options.states = StateSelection::all;
+  options.tolerance = 1e-4;
+  const Result r = run(sixteen, options);
+  ASSERT_EQ(r.status, Status::solved) << r.reason;
+  EXPECT_EQ(r.method, Method::march);
+  EXPECT_LE((positions(r) - positions(located(sixteen))).cwiseAbs().maxCoeff(), 1e-4);
+  const Result one = run(make_mechanism(block(1.3, 2), {belt(0.5)}).scene, options);
+  ASSERT_EQ(one.status, Status::solved) << one.reason;
+  EXPECT_EQ(one.method, Method::events);
+}
+
 // The certificate compares rows with located events, on the side of impacts that they are on.
 TEST(ImpactSteps, CertificatesKnowImpacts) {
   const Result r = run(make_mechanism(block(1.3, 10), {belt(0.5)}).scene, marched(1000));

@@ -7,6 +7,7 @@
 #include <gtest/gtest.h>
 
 #include <random>
+#include <utility>
 
 namespace bromwich {
 namespace {
@@ -37,6 +38,30 @@ TEST(Uniqueness, TwoStopsWithOneTangentShareFriction) {
   EXPECT_EQ(uniqueness(make_mechanism(block(0.6, 1), {belt(), other})), Uniqueness::forces_open);
   other.kt = 100;
   EXPECT_EQ(uniqueness(make_mechanism(block(0.6, 1), {belt(), other})), Uniqueness::unique);
+}
+
+// Eight blocks on the ground, whose masses couple the tangent of each with the normals of its neighbours by w = 0.15.
+// With mu = 0.1 all maps are dominated by their diagonals. Two neighbours that slip have about 1 - mu mu' w^2.
+TEST(Uniqueness, OfEightContacts) {
+  constexpr Index d = 16;
+  Matrix mass = Matrix::Identity(d, d);
+  for (Index i = 0; i + 2 < d; i += 2)
+    for (const auto [tangent, normal] : {std::pair(i, i + 3), {i + 2, i + 1}})
+      mass(tangent, normal) = mass(normal, tangent) = 0.15;
+  Structure s;
+  s.M = sparse(mass);
+  const auto blocks = [&](double mu) {
+    std::vector<Contact> all;
+    for (Index i = 0; i < d; i += 2) {
+      Contact c;
+      c.normal = Vector::Unit(d, i + 1), c.tangent = Vector::Unit(d, i).transpose();
+      c.mu = i == 8 ? mu : 0.1;
+      all.push_back(c);
+    }
+    return uniqueness(make_mechanism(s, all));
+  };
+  EXPECT_EQ(blocks(0.1), Uniqueness::unique);
+  EXPECT_EQ(blocks(1000), Uniqueness::none_known);
 }
 
 // The matrix of the problem in velocities with eps on the slip rows is of class P, or not, for random contacts.
