@@ -17,7 +17,6 @@ namespace bromwich {
 namespace {
 
 constexpr Index most_states = 96, most_constraints = 72;
-constexpr double rounding_defect = 3e-13;
 constexpr int idle_events = 40;      ///< events within a short time that count as accumulated
 constexpr double idle_share = 1e-7;  ///< of T: that time
 constexpr int most_accumulations = 200;
@@ -241,13 +240,9 @@ class EventIntegration {
     constexpr double beyond = 4;
     if (step.valid < 1)
       return void(at_.h = std::min(at_.h, std::max(beyond * step.valid * step.length, regime_->steps.usual_length())));
-    // Rounding makes defects that say nothing of the step.
-    const double room =
-        step.defect > rounding_defect ? 0.9 * std::pow(options_.tolerance / step.defect, 1.0 / double(s)) : 3;
-    if (room > 1.3)
-      at_.h = std::min(longest_, std::max(at_.h, step.length * std::min(room, 3.0)));
-    else if (step.shortened)
-      at_.h = step.length;
+    if (step.shortened) at_.h = step.length;
+    if (const double room = regime_->steps.room(step); room > 1.3)
+      at_.h = std::min(longest_, std::max(at_.h, step.length * room));
   }
 
   // The present active set without the component of the event, or with it.

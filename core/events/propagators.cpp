@@ -96,8 +96,9 @@ const LegendreCoefficients& Propagators::move(const SwitchedMode& mode, double h
   const Collocation& c = Collocation::get();
   Collocation::Square at_samples;
   for (Index k = 0; k < c.samples.size(); ++k) at_samples.row(k) = legendre(c.samples[k] / longer).transpose();
-  const Collocation::Square cut = c.from_samples * at_samples;
-  change.noalias() = cut * whole_;
+  const Collocation::Square cut = c.from_samples.lazyProduct(at_samples);
+  change = whole_;
+  transform(cut, change);
   return whole_;
 }
 

@@ -62,7 +62,7 @@ Successor::Entry Successor::attempt(const std::vector<Index>& set, double least,
   const Vector x = p.x, integral = p.integral;
   const Entry entry = enter(*mode, p);
   if (entry != Entry::smooth) return entry;
-  if (EventStep& next = tried_step_; steps_.resolve(*mode, p, next)) {
+  if (EventStep& next = tried_step_; steps_.resolve_first(*mode, p, next)) {
     const double lasts = next.valid * next.length;
     found_ = next.valid >= 1 || (lasts >= least && !next.at_once);
     if (found_ || (lasts > best_.lasts && !next.at_once))
@@ -131,11 +131,14 @@ void Successor::prefer_least_norm(double h, bool y_is_known, EventPoint& p) {
 // The same among all active sets.
 void Successor::prefer_least_of_all(EventPoint& p) {
   if (!best_.mode || system_.constraints() > most_enumerated) return;
+  const auto found = std::pair(best_.mode, zero_rows(best_.step));
+  if (least_.contains(found)) return;
   for (Candidate& other : smooth_candidates(p)) {
     const bool lasts = other.lasts > brief * best_.lasts;
     if (lasts && other.mean_y() < less_y * best_.mean_y() && lead_to_the_same(other, best_, p))
       best_ = std::move(other);
   }
+  if (best_.mode == found.first) least_.insert(found);
 }
 
 Successor::Choice Successor::choose_brief(EventPoint& p) {
@@ -228,7 +231,7 @@ std::vector<Successor::Candidate> Successor::smooth_candidates(EventPoint& p) {
     EventStep step;
     const bool smooth = mode && enter(*mode, here) == Entry::smooth;
     impulses_.resize(before);
-    if (!smooth || !steps_.resolve(*mode, here, step)) continue;
+    if (!smooth || !steps_.resolve_first(*mode, here, step)) continue;
     const double lasts = step.valid * step.length;
     p.work = here.work;
     if (lasts > 4 * epsilon * T_ && !step.at_once)
