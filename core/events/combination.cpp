@@ -3,12 +3,9 @@
 namespace bromwich {
 
 Combination::Combination(const Matrix& factors) {
-  for (Index i = 0; i < factors.rows(); ++i) {
-    const std::size_t before = entries_.size();
+  for (Index i = 0; i < factors.rows(); ++i)
     for (Index j = 0; j < factors.cols(); ++j)
-      if (factors(i, j) != 0) entries_.push_back({j, factors(i, j)});
-    if (entries_.size() > before) rows_.push_back({i, Index(entries_.size() - before)});
-  }
+      if (factors(i, j) != 0) entries_.push_back({i, j, factors(i, j)});
 }
 
 JetCombination::JetCombination(const Jet& c) : x(c.x), f(c.f), df(c.df), g(c.g), dg(c.dg), ddg(c.ddg) {}

@@ -17,35 +17,22 @@ class Combination {
 
   /// sum_i += Σ_j factor_ij c_j
   void add(const LegendreCoefficients& c, LegendreCoefficients& sum) const {
-    const Entry* e = entries_.data();
-    for (const Row& row : rows_) {
-      LegendreValues all = sum.col(row.sum);
-      for (const Entry* end = e + row.entries; e != end; ++e) all += e->factor * c.col(e->component);
-      sum.col(row.sum) = all;
-    }
+    for (const Entry& e : entries_) sum.col(e.sum) += e.factor * c.col(e.component);
   }
   void add(const Vector& c, Vector& sum) const {
-    const Entry* e = entries_.data();
-    for (const Row& row : rows_)
-      for (const Entry* end = e + row.entries; e != end; ++e) sum[row.sum] += e->factor * c[e->component];
+    for (const Entry& e : entries_) sum[e.sum] += e.factor * c[e.component];
   }
   /// sum_i += Σ_j |factor_ij| size_j
   void add_terms(const Vector& size, Vector& sum) const {
-    const Entry* e = entries_.data();
-    for (const Row& row : rows_)
-      for (const Entry* end = e + row.entries; e != end; ++e) sum[row.sum] += std::abs(e->factor) * size[e->component];
+    for (const Entry& e : entries_) sum[e.sum] += std::abs(e.factor) * size[e.component];
   }
 
  private:
-  struct Row {
-    Index sum, entries;
-  };
   struct Entry {
-    Index component;
+    Index sum, component;
     double factor;
   };
-  std::vector<Row> rows_;       ///< those with entries
-  std::vector<Entry> entries_;  ///< of one row after the other
+  std::vector<Entry> entries_;  ///< in order of the sums
 };
 
 /// The rows of a jet.

@@ -110,19 +110,13 @@ class EventIntegration {
   bool advance_to(double end) {
     at_.end = end;
     if (!is_wanted()) return false;
-    if (end - at_.t > 4 * epsilon * T_) return continue_behind_breakpoint() && run_segment();
+    if (end - at_.t > 4 * epsilon * T_)
+      return continue_as_before(mode_ ? std::optional(mode_->active) : std::nullopt, -1) && run_segment();
     at_.t = end;  // edges that differ by rounding alone
     return true;
   }
 
-  bool continue_behind_breakpoint() {
-    std::optional<std::vector<Index>> likely;
-    if (mode_) likely = mode_->active;
-    return continue_as_before(likely, -1);
-  }
-
-  // Periodic sources: the set that has followed this one and the one before, at a breakpoint or this event, is likely
-  // to follow again.
+  // What has followed this set and the one before it, at a breakpoint or at this event, is likely to follow again.
   bool continue_as_before(std::optional<std::vector<Index>> likely, Index event) {
     const Passage here{regime_, earlier_, mode_, event};
     if (const auto known = followers_.find(here); known != followers_.end()) likely = known->second->active;
@@ -391,6 +385,16 @@ std::shared_ptr<RegimesOfScene> keep_regimes() { return std::make_shared<Regimes
 EventSolution integrate_with_events(const Scene& scene, LcpClass lcp_class, const std::vector<double>& breakpoints,
                                     const EventOptions& options) {
   return EventIntegration(scene, lcp_class, breakpoints, options).run();
+}
+
+Vector largest_values(const EventSolution& s, Matrix EventPiece::*which) {
+  Vector largest = Vector::Zero((s.pieces.front().*which).cols());
+  for (const EventPiece& p : s.pieces)
+    for (const double part : {0.0, 0.5, 1.0}) {
+      const LegendreValues at = legendre(part * (p.end - p.begin) / p.length);
+      for (Index i = 0; i < largest.size(); ++i) largest[i] = std::max(largest[i], std::abs((p.*which).col(i).dot(at)));
+    }
+  return largest;
 }
 
 }  // namespace bromwich

@@ -70,4 +70,7 @@ std::string unsuited_to_events(const Scene&);
 EventSolution integrate_with_events(const Scene&, LcpClass lcp_class, const std::vector<double>& breakpoints,
                                     const EventOptions&);
 
+/// The largest |x| or |y| of each component, at the ends and in the middle of all pieces.
+Vector largest_values(const EventSolution&, Matrix EventPiece::*which);
+
 }  // namespace bromwich

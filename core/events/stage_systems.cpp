@@ -127,60 +127,49 @@ StageSystems::Block::Block(const Matrix& A) : H_(A) {
     to_ = to_ * Q;
     from_ = Q.transpose() * from_;
   }
+  upper_.resize(std::size_t(m * (m + 1) / 2));
+  for (auto* all : {&multipliers_, &inverse_}) all->resize(std::size_t(m));
+  exchanged_.resize(std::size_t(m));
 }
 
 // An entry of I - z H.
-StageSystems::ComplexLanes StageSystems::Block::shifted(const ComplexLanes& z, Index row, Index column) const {
+StageSystems::ComplexLanes StageSystems::Block::shifted(Index row, Index column) const {
   const double h = H_(row, column), one = row == column;
-  return {one - h * z.re, -h * z.im};
-}
-
-const StageSystems::Block::Factors& StageSystems::Block::factors(double h) {
-  for (const Factors& known : known_)
-    if (known.h == h) return known;
-  if (known_.size() < most_lengths)
-    next_ = known_.size(), known_.emplace_back();
-  else
-    next_ = (next_ + 1) % most_lengths;
-  factor(h, known_[next_]);
-  return known_[next_];
+  return {one - h * z_.re, -h * z_.im};
 }
 
 // With partial pivoting in each lane. Row k of U is what is left of row k and row k+1 with the larger first entry.
-void StageSystems::Block::factor(double h, Factors& f) const {
+void StageSystems::Block::factor(double h) {
   const Eigenvectors& e = eigenvectors();
+  h_ = h;
+  z_ = {h * e.re, h * e.im};
   const Index m = H_.rows();
-  f.h = h;
-  f.z = {h * e.re, h * e.im};
-  f.upper.resize(std::size_t(m * (m + 1) / 2));
-  for (auto* all : {&f.multipliers, &f.inverse}) all->resize(std::size_t(m));
-  f.exchanged.resize(std::size_t(m));
-  ComplexLanes* row = f.upper.data();
-  for (Index j = 0; j < m; ++j) row[j] = shifted(f.z, 0, j);
+  ComplexLanes* row = upper_.data();
+  for (Index j = 0; j < m; ++j) row[j] = shifted(0, j);
   for (Index k = 0; k + 1 < m; ++k) {
     ComplexLanes* next = row + (m - k);
-    ComplexLanes below = shifted(f.z, k + 1, k);
+    ComplexLanes below = shifted(k + 1, k);
     const Lanes mine = row[0].re.square() + row[0].im.square(), other = below.re.square() + below.im.square();
     const Lanes where = (other > mine).cast<double>();
     exchange(where, row[0], below);
     const std::size_t at = std::size_t(k);
-    f.exchanged[at] = where;
-    f.inverse[at] = inverse(row[0]);
-    const ComplexLanes multiplier = f.multipliers[at] = product(below, f.inverse[at]);
+    exchanged_[at] = where;
+    inverse_[at] = inverse(row[0]);
+    multipliers_[at] = product(below, inverse_[at]);
     for (Index j = 1; j < m - k; ++j) {
       ComplexLanes& left = next[j - 1];
-      left = shifted(f.z, k + 1, k + j);
+      left = shifted(k + 1, k + j);
       exchange(where, row[j], left);
-      subtract_product(multiplier, row[j], left);
+      subtract_product(multipliers_[at], row[j], left);
     }
     row = next;
   }
-  f.inverse[std::size_t(m - 1)] = inverse(row[0]);
+  inverse_[std::size_t(m - 1)] = inverse(row[0]);
 }
 
 void StageSystems::Block::solve(double h, AtStages& x) {
   const Index m = H_.rows();
-  const Factors& f = factors(h);
+  if (h != h_) factor(h);
   const Eigenvectors& e = eigenvectors();
   sides_.noalias() = e.left * (x * to_);
   const auto side = [this](Index k) {
@@ -189,16 +178,16 @@ void StageSystems::Block::solve(double h, AtStages& x) {
   const auto put = [this](Index k, const ComplexLanes& value) { sides_.col(k) << value.re, value.im; };
   for (Index k = 0; k + 1 < m; ++k) {
     ComplexLanes upper = side(k), lower = side(k + 1);
-    exchange(f.exchanged[std::size_t(k)], upper, lower);
-    subtract_product(f.multipliers[std::size_t(k)], upper, lower);
+    exchange(exchanged_[std::size_t(k)], upper, lower);
+    subtract_product(multipliers_[std::size_t(k)], upper, lower);
     put(k, upper), put(k + 1, lower);
   }
-  const ComplexLanes* row = f.upper.data() + f.upper.size();
+  const ComplexLanes* row = upper_.data() + upper_.size();
   for (Index k = m - 1; k >= 0; --k) {
     row -= m - k;
     ComplexLanes value = side(k);
     for (Index j = k + 1; j < m; ++j) subtract_product(row[j - k], side(j), value);
-    put(k, product(value, f.inverse[std::size_t(k)]));
+    put(k, product(value, inverse_[std::size_t(k)]));
   }
   x.noalias() = e.right * (sides_ * from_);
 }

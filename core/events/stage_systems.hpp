@@ -25,12 +25,10 @@ class StageSystems {
   /// X by R.
   void solve(double h, const AtStages& right, AtStages& x);
 
-  /// Numbers kept for matrices of m states, at most.
-  static std::size_t size(Index m) { return std::size_t(3 * m * m) + most_lengths * std::size_t(4 * m * (m + 6)); }
+  /// Numbers kept for matrices of m states.
+  static std::size_t size(Index m) { return std::size_t(8 * m * m); }
 
  private:
-  static constexpr std::size_t most_lengths = 6;  ///< those of steps that grow behind an event
-
   using Lanes = Eigen::Array<double, (degree + 1) / 2, 1>;  ///< a value for each eigenvalue of S with Im >= 0
   struct ComplexLanes {
     Lanes re, im;
@@ -44,20 +42,15 @@ class StageSystems {
     void solve(double h, AtStages& x);
 
    private:
-    struct Factors {
-      double h = 0;
-      ComplexLanes z;
-      std::vector<ComplexLanes> upper;                 ///< rows of U, one after the other, of I - z H = P L U
-      std::vector<ComplexLanes> multipliers, inverse;  ///< of L; of the diagonal of U
-      std::vector<Lanes> exchanged;                    ///< 1 where rows k and k+1 were exchanged
-    };
-    const Factors& factors(double h);
-    void factor(double h, Factors&) const;
-    ComplexLanes shifted(const ComplexLanes& z, Index row, Index column) const;
+    void factor(double h);
+    ComplexLanes shifted(Index row, Index column) const;
 
-    Matrix H_, to_, from_;        ///< X = X_H from_, X_H = X to_
-    std::vector<Factors> known_;  ///< of the last lengths
-    std::size_t next_ = 0;        ///< that is replaced
+    Matrix H_, to_, from_;  ///< X = X_H from_, X_H = X to_
+    double h_ = 0;
+    ComplexLanes z_;
+    std::vector<ComplexLanes> upper_;                  ///< rows of U, one after the other, of I - z H = P L U
+    std::vector<ComplexLanes> multipliers_, inverse_;  ///< of L; of the diagonal of U
+    std::vector<Lanes> exchanged_;                     ///< 1 where rows k and k+1 were exchanged
     Sides sides_;
   };
   struct Part {

@@ -78,14 +78,4 @@ std::vector<Switch> switches_of(const LocatedSolution& s, double negligible) {
   return found;
 }
 
-Vector largest_values(const LocatedSolution& s, Matrix EventPiece::*which) {
-  Vector largest = Vector::Zero((s.pieces.front().*which).cols());
-  for (const EventPiece& p : s.pieces)
-    for (const double part : {0.0, 0.5, 1.0}) {
-      const LegendreValues at = legendre(part * (p.end - p.begin) / p.length);
-      for (Index i = 0; i < largest.size(); ++i) largest[i] = std::max(largest[i], std::abs((p.*which).col(i).dot(at)));
-    }
-  return largest;
-}
-
 }  // namespace bromwich

@@ -43,9 +43,6 @@ struct LocatedSolution {
   Vector integral_of_y(double t, bool left) const;
 };
 
-/// The largest |x| or |y| of each component, at the ends and in the middle of all pieces.
-Vector largest_values(const LocatedSolution&, Matrix EventPiece::*which);
-
 /// The times between pieces at which a memory changes its mode.
 std::vector<ModeChange> mode_changes(const LocatedSolution&);
 
