@@ -328,12 +328,12 @@ class EventIntegration {
         continue;
       }
       if (pending_event_ < 0) {
-        EventStep& step = step_;
-        if (!regime_->steps.resolve(*mode_, at_, step))
+        const auto resolves = [this] { return regime_->steps.resolve(*mode_, at_, step_); };
+        if (!resolves() && (at_.h = longest_, !resolves()))  // the sign of y may be known on a longer step
           return give_up(regime_->steps.sign_is_lost() ? lost_sign : "a step could not be resolved");
-        if (step.valid > 0) accept(step);
-        if (step.valid >= 1) continue;
-        pending_event_ = solution_.pieces.back().event = step.event;
+        if (step_.valid > 0) accept(step_);
+        if (step_.valid >= 1) continue;
+        pending_event_ = solution_.pieces.back().event = step_.event;
       }
       if (!(at_.t < at_.end)) break;
       ++solution_.events;

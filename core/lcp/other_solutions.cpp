@@ -66,7 +66,7 @@ std::optional<Vector> along_a_null_vector(const Matrix& M, const Vector& q, cons
 
 }  // namespace
 
-OtherSolutions::OtherSolutions(const Matrix& M) : M_(M) {
+SolutionsBeside::SolutionsBeside(const Matrix& M) : M_(M) {
   const Index n = M.rows();
   for (unsigned set = 1; n <= largest_searched && set < 1u << n; ++set) {
     const std::vector<Index> S = members(set, n);
@@ -75,7 +75,7 @@ OtherSolutions::OtherSolutions(const Matrix& M) : M_(M) {
   }
 }
 
-std::optional<Vector> OtherSolutions::beside(const Vector& q, const Vector& y, bool at_corners) const {
+std::optional<Vector> SolutionsBeside::nearest(const Vector& q, const Vector& y, bool at_corners) const {
   if (!q.allFinite() || !y.allFinite()) return std::nullopt;
   std::optional<Vector> nearest;
   const auto consider = [&](const Vector& other) {
@@ -96,7 +96,7 @@ std::optional<Vector> OtherSolutions::beside(const Vector& q, const Vector& y, b
 }
 
 std::optional<Vector> another_solution(const Matrix& M, const Vector& q, const Vector& y, bool at_corners) {
-  return OtherSolutions(M).beside(q, y, at_corners);
+  return SolutionsBeside(M).nearest(q, y, at_corners);
 }
 
 }  // namespace bromwich

@@ -14,12 +14,12 @@ inline constexpr Index largest_searched = 8;  ///< constraints: all active sets
 inline constexpr Index largest_moved = 48;    ///< likewise: solutions next to one, by factorizations for each
 
 /// Of problems with one M: the factors of its principal submatrices are kept.
-class OtherSolutions {
+class SolutionsBeside {
  public:
-  explicit OtherSolutions(const Matrix& M);
+  explicit SolutionsBeside(const Matrix& M);
 
   /// As another_solution.
-  std::optional<Vector> beside(const Vector& q, const Vector& y, bool at_corners) const;
+  std::optional<Vector> nearest(const Vector& q, const Vector& y, bool at_corners) const;
 
  private:
   struct RegularSet {
