@@ -146,6 +146,7 @@ class Behaviour {
     Element e;
     e.kind = kind;
     e.place = source_.place;
+    e.hidden = true;
     e.name = fmt::format("{}.{}{}", source_.name, word, made_.size() + 1);
     e.nodes = {names_.node(lower(e.name)), "0"};
     return e;

@@ -191,23 +191,25 @@ Vector start(const Netlist& netlist, const Reduction& r, const Vector& u, const 
   return *rest;
 }
 
-void add_elements(const Netlist& netlist, Circuit& c) {
+void add_elements(const Netlist& netlist, Index nodes, Circuit& c) {
   std::map<std::string, Index> voltages;
   for (std::size_t i = 0; i < c.outputs.size(); ++i) voltages.emplace(c.outputs[i].name, Index(i));
   const auto node = [&](const std::string& name) {
     return name == "0" ? -1 : voltages.at(fmt::format("V({})", netlist.written.at(name)));
   };
-  const Index first = Index(c.outputs.size() - netlist.elements.size());
-  for (std::size_t i = 0; i < netlist.elements.size(); ++i) {
-    const Element& e = netlist.elements[i];
-    c.elements.push_back({e.name, e.kind, node(e.nodes[0]), node(e.nodes[1]), first + Index(i)});
-    if (e.kind == 'C') c.stores.push_back({Index(i), Index(i), e.value});
+  std::vector<Index> numbers;  // of elements of the netlist
+  for (const Element& e : netlist.elements) {
+    const Index i = Index(c.elements.size());
+    numbers.push_back(i);
+    if (e.hidden) continue;
+    c.elements.push_back({e.name, e.kind, node(e.nodes[0]), node(e.nodes[1]), nodes + i});
+    if (e.kind == 'C') c.stores.push_back({i, i, e.value});
   }
   for (const WindingGroup& g : winding_groups(netlist))
     for (std::size_t a = 0; a < g.inductors.size(); ++a)
       for (std::size_t b = 0; b < g.inductors.size(); ++b)
         if (const double L = g.inductance(Index(a), Index(b)); L != 0)
-          c.stores.push_back({g.inductors[a], g.inductors[b], L});
+          c.stores.push_back({numbers[std::size_t(g.inductors[a])], numbers[std::size_t(g.inductors[b])], L});
 }
 
 void add_outputs(const Reduction& r, Circuit& c) {
@@ -278,17 +280,14 @@ void set_matrices(const Reduction& r, Scene& s) {
     s.M = SparseLcpMatrix(SparseMatrix(M));
 }
 
-CircuitReduction found(const Netlist& netlist, const Reduction& r) {
+CircuitReduction found(const Reduction& r) {
   CircuitReduction f;
-  f.summary = fmt::format("{} elements, {} nodes: {} states, {} pairs, {} sources", netlist.elements.size(),
-                          r.outputs.size() - netlist.elements.size(), r.states.size(), r.pairs.size(), r.inputs.size());
+  f.summary = fmt::format("{} elements, {} nodes: {} states, {} pairs, {} sources", Index(r.outputs.size()) - r.nodes,
+                          r.nodes, r.states.size(), r.pairs.size(), r.inputs.size());
   f.states = r.states;
   f.pairs = r.pairs;
-  for (const Dependence& d : r.dependences)
-    (d.kind == Dependence::loop     ? f.loops
-     : d.kind == Dependence::cutset ? f.cutsets
-                                    : f.windings)
-        .push_back(d.equation);
+  std::vector<std::string>* const of_kind[] = {&f.loops, &f.cutsets, &f.windings};
+  for (const Dependence& d : r.dependences) of_kind[d.kind]->push_back(d.equation);
   f.open = r.open;
   return f;
 }
@@ -342,8 +341,8 @@ Circuit make_circuit(const Netlist& netlist, const std::string& file) {
     }
   }
   add_outputs(r, c);
-  add_elements(netlist, c);
-  c.reduction = found(netlist, r);
+  add_elements(netlist, r.nodes, c);
+  c.reduction = found(r);
   for (const auto& [place, text] : netlist.measures) c.measures.push_back({to_string(place), text});
   c.steps = netlist.steps;
   c.parameters = netlist.parameters;

@@ -34,7 +34,7 @@ struct CircuitOutput {
 /// An element with two nodes, by the numbers of outputs.
 struct CircuitElement {
   std::string name;
-  char kind = 'R';           ///< R C L V I E G F H D S W B, and P and U, parts of B
+  char kind = 'R';           ///< R C L V I E G F H D S W B
   Index from = -1, to = -1;  ///< V of its first and second node; -1: ground
   Index current = 0;         ///< I
 };
@@ -65,7 +65,7 @@ struct MeasureCard {
 
 struct Circuit {
   Scene scene;
-  std::vector<CircuitOutput> outputs;                 ///< V of all nodes, then I of all elements
+  std::vector<CircuitOutput> outputs;                 ///< V of all nodes, then I of all elements that are written
   SparseMatrix of_x, of_y, of_u, of_slope, of_modes;  ///< a row for each output, over (x, y, u, u', modes)
   std::vector<CircuitElement> elements;
   std::vector<CircuitStore> stores;

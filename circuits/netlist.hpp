@@ -72,6 +72,7 @@ struct Element {
   SwitchModel gate;
   std::optional<LinearForm> form;           ///< of B, P and U
   bool of_voltage = true;                   ///< of B
+  bool hidden = false;                      ///< a part of B, whose node nothing else has: no output
   std::optional<ThyristorModel> thyristor;  ///< of kind D, whose nodes are anode, cathode and those of the gate
 };
 

@@ -316,19 +316,29 @@ class Reducer {
   }
 
   void add_outputs() {
-    std::vector<std::pair<std::string, Index>> voltages;
+    std::vector<char> hidden(names_.size(), 0);
+    for (const Element& e : netlist_.elements)
+      if (e.hidden) hidden[std::size_t(nodes_.at(e.nodes[0]))] = 1;
+    std::vector<std::pair<std::string, Index>> voltages, currents;
     for (Index i = 1; i < Index(names_.size()); ++i)
-      voltages.emplace_back(fmt::format("V({})", names_[std::size_t(i)]), i);
+      if (!hidden[std::size_t(i)]) voltages.emplace_back(fmt::format("V({})", names_[std::size_t(i)]), i);
     std::sort(voltages.begin(), voltages.end());
-    Triplets order;
-    for (std::size_t k = 0; k < voltages.size(); ++k) {
-      made_.outputs.push_back(voltages[k].first);
-      order.emplace_back(int(k), int(voltages[k].second), 1.0);
-    }
-    Rows chosen(Index(voltages.size()), Index(names_.size()));
-    chosen.setFromTriplets(order.begin(), order.end());
-    for (const Element& e : netlist_.elements) made_.outputs.push_back(fmt::format("I({})", e.name));
-    made_.of_outputs = forms(below(chosen * network_.voltages, currents_));
+    for (std::size_t i = 0; i < netlist_.elements.size(); ++i)
+      if (const Element& e = netlist_.elements[i]; !e.hidden)
+        currents.emplace_back(fmt::format("I({})", e.name), Index(i));
+    const auto chosen = [this](const auto& some, const Rows& of_all) {
+      Triplets order;
+      for (const auto& [name, i] : some) {
+        order.emplace_back(int(order.size()), int(i), 1.0);
+        made_.outputs.push_back(name);
+      }
+      Rows rows(Index(some.size()), of_all.rows());
+      rows.setFromTriplets(order.begin(), order.end());
+      return Rows(rows * of_all);
+    };
+    const Rows of_nodes = chosen(voltages, network_.voltages);
+    made_.nodes = of_nodes.rows();
+    made_.of_outputs = forms(below(of_nodes, chosen(currents, currents_)));
   }
 
   const Netlist& netlist_;

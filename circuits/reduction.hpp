@@ -52,7 +52,8 @@ struct Reduction {
   std::vector<Gate> gates;
   std::vector<Index> memories;       ///< switches and thyristors with modes; the last of u, 0 off and 1 on
   Forms conditions;                  ///< two rows each: off is left where the first is positive, on where the second is
-  std::vector<std::string> outputs;  ///< V of all nodes but ground, then I of all elements
+  std::vector<std::string> outputs;  ///< V of all nodes but ground, then I of all elements; without hidden ones
+  Index nodes = 0;                   ///< how many of the outputs are V
   Forms of_outputs;
   std::vector<Dependence> dependences;
   std::vector<std::string> open;  ///< diodes and switches without a parallel resistance: "D1"

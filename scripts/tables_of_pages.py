@@ -5,6 +5,7 @@ import sys
 
 import evidence
 import tables_chunks as chunks
+import tables_circuits as circuits
 import tables_contacts as contacts
 import tables_gpu as device
 import tables_speed as speed
@@ -63,6 +64,11 @@ blocks = {
     "docs/measurements/multigrid.md": {"multigrid-short": ("multigrid", short(studies.multigrid, notes=("contraction", "at most")))},
     "docs/measurements/tol.md": {"tol-short": ("tol", worth.tol_share)},
     "docs/measurements/siconos.md": {"peers-short": ("peers", short(peers))},
+    "docs/measurements/ngspice.md": {
+        "circuits-counts": ("circuits", circuits.counts),
+        "circuits-lost": ("circuits", circuits.lost),
+        "circuits-failures": ("circuits", circuits.failures),
+    },
     "docs/mechanics.md": {
         "contacts-errors": ("contacts", contacts.errors),
         "contacts-chains": ("contacts", contacts.chains),
@@ -126,6 +132,7 @@ appendices = {
     },
     "docs/measurements/tol.md": {"tol": ("tol", worth.tol)},
     "docs/measurements/siconos.md": {"peers": ("peers", peers)},
+    "docs/measurements/ngspice.md": {"circuits": ("circuits", circuits.all_circuits)},
     "docs/measurements/micro.md": {"micro": ("micro", micro), "convolution": ("convolution", studies.convolution)},
     "docs/measurements/gpu.md": {"gpu": ("gpu", device.gpu)},
     "docs/lcp.md": {"lcp-gpu": ("lcp-gpu", device.lcp)},

@@ -46,6 +46,11 @@ struct Collocation {
   static const Collocation& get();
 };
 
+/// by * c, column by column.
+inline void transform(const Collocation::Square& by, LegendreCoefficients& c) {
+  for (Index i = 0; i < c.cols(); ++i) c.col(i) = LegendreValues(by * c.col(i));
+}
+
 /// The first point of [0, 1] at which a polynomial, given by its Bernstein coefficients, is below -noise; 1 if it is
 /// nowhere. Exact to 2^-50: the polynomial lies in the convex hull of its coefficients, and intervals are halved until
 /// that decides.

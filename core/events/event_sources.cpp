@@ -29,13 +29,18 @@ bool bends(const TimeFunction& source) { return source && !source.linear(); }
 constexpr double inside = 1e-11;  ///< of T: a jump at an end of the step, known to rounding, is not on the step
 
 // The larger of the differences seen before and these, as far as they are no rounding.
+void see(Vector& off, const Vector& differences, const Vector& unknown) {
+  for (Index i = 0; i < off.size(); ++i)
+    if (const double difference = std::abs(differences[i]); difference > unknown[i])
+      off[i] = std::max(off[i], difference);
+}
+
 template <typename Value>
 void see(Vector& off, const Value& value, const LegendreCoefficients& c, const LegendreValues& at,
          const Vector& unknown) {
-  for (Index i = 0; i < off.size(); ++i) {
-    const double difference = std::abs(value[i] - c.col(i).dot(at));
-    if (difference > unknown[i]) off[i] = std::max(off[i], difference);
-  }
+  for (Index i = 0; i < off.size(); ++i)
+    if (const double difference = std::abs(value[i] - c.col(i).dot(at)); difference > unknown[i])
+      off[i] = std::max(off[i], difference);
 }
 
 }  // namespace
@@ -54,37 +59,44 @@ double longest_step(const Scene& scene, const std::vector<double>& breakpoints, 
   return lines ? std::max(of_T, 2 * longest_span(breakpoints, scene.T) / double(1 + number)) : of_T;
 }
 
+EventSources::Source::Source(const TimeFunction& given, Index wide, const Matrix& by)
+    : time(given), width(wide), linear(given && given.linear()) {
+  if (!given) return;
+  const SeparableSource* separable = given.separable();
+  if (separable) time = separable->time;
+  Matrix all = by.size() > 0 ? by : Matrix::Identity(width, width);
+  if (separable) all *= separable->shapes;
+  count = all.cols();
+  shapes = Combination(all);
+}
+
 EventSources::EventSources(const Scene& scene, std::shared_ptr<SourceLooks> looks)
     : scene_(scene),
-      m_(scene.states()),
-      n_(scene.constraints()),
-      looks_(looks ? std::move(looks) : std::make_shared<SourceLooks>()) {
-  if (scene.f && scene.f_entry != SourceEntry::state) F_ = source_matrix(scene, *scene.dynamics->small_state());
-}
+      f_(scene.f, scene.states(),
+         scene.f && scene.f_entry != SourceEntry::state ? source_matrix(scene, *scene.dynamics->small_state())
+                                                        : Matrix()),
+      g_(scene.g, scene.constraints(), {}),
+      looks_(looks ? std::move(looks) : std::make_shared<SourceLooks>()) {}
 
-bool EventSources::may_bend() const { return bends(scene_.f) || bends(scene_.g); }
+bool EventSources::may_bend() const { return f_.bends() || g_.bends(); }
 
-void EventSources::value_of_f(double t, Vector& value) const {
-  value.setZero(scene_.f ? scene_.sources() : m_);
-  if (!scene_.f) return;
-  scene_.f(t, value);
-  if (F_.size() > 0) value = (F_ * value).eval();
-}
-
-void EventSources::value_of_g(double t, Vector& value) const {
-  value.setZero(n_);
-  if (scene_.g) scene_.g(t, value);
+void EventSources::evaluate(const Source& source, double t, Vector& value) const {
+  value.setZero(source.width);
+  if (!source.time) return;
+  of_time_.setZero(source.count);
+  source.time(t, of_time_);
+  source.shapes.add(of_time_, value);
 }
 
 Vector EventSources::f(double t) const {
   Vector value;
-  value_of_f(t, value);
+  evaluate(f_, t, value);
   return value;
 }
 
 Vector EventSources::g(double t) const {
   Vector value;
-  value_of_g(t, value);
+  evaluate(g_, t, value);
   return value;
 }
 
@@ -95,52 +107,57 @@ EventSources::Polynomials EventSources::sample(double t, double h) const {
 }
 
 void EventSources::sample(double t, double h, Polynomials& p) const {
+  sample(f_, t, h, p.f, p.off_f, p.unknown_f);
+  sample(g_, t, h, p.g, p.off_g, p.unknown_g);
+}
+
+void EventSources::sample(const Source& source, double t, double h, LegendreCoefficients& coefficients, Vector& off,
+                          Vector& unknown) const {
   const Collocation& c = Collocation::get();
-  Vector value;
-  const auto one = [&](const TimeFunction& given, Index width, const auto& evaluate, LegendreCoefficients& coefficients,
-                       Vector& off, Vector& unknown) {
-    off.setZero(width);
-    unknown.setZero(width);
-    coefficients.setZero(c.samples.size(), width);
-    if (!given) return;
-    if (given.linear()) {
-      evaluate(t + h / 4);
-      coefficients.row(0) = value.transpose();
-      evaluate(t + 3 * h / 4);
-      coefficients.row(1) = value.transpose() - coefficients.row(0);
-      coefficients.row(0) += coefficients.row(1) / 2;
-      drop_rounding_of_time(t, h, coefficients, unknown);
-      return;
-    }
-    LegendreCoefficients values(c.samples.size(), width);
-    for (Index k = 0; k < c.samples.size(); ++k) {
-      evaluate(t + h * c.samples[k]);
-      values.row(k) = value.transpose();
-    }
-    const LegendreCoefficients exact = c.from_samples * values;
-    coefficients = exact;
-    drop_rounding_of_time(t, h, coefficients, unknown);
-    for (Index k = 0; k < c.checks.size(); ++k) {
-      evaluate(t + h * c.checks[k]);
-      see(off, value, exact, c.at_checks.row(k).transpose(), unknown);
-    }
+  off.setZero(source.width);
+  unknown.setZero(source.width);
+  coefficients.setZero(Eigen::NoChange, source.width);
+  if (!source.time) return;
+  LegendreCoefficients& in_time = in_time_;
+  in_time.setZero(Eigen::NoChange, source.count);
+  const auto look_at = [&](double at) {
+    of_time_.setZero(source.count);
+    source.time(t + h * at, of_time_);
   };
-  one(
-      scene_.f, m_, [&](double at) { value_of_f(at, value); }, p.f, p.off_f, p.unknown_f);
-  one(
-      scene_.g, n_, [&](double at) { value_of_g(at, value); }, p.g, p.off_g, p.unknown_g);
+  if (source.linear) {
+    look_at(0.25);
+    in_time.row(0) = of_time_.transpose();
+    look_at(0.75);
+    in_time.row(1) = of_time_.transpose() - in_time.row(0);
+    in_time.row(0) += in_time.row(1) / 2;
+  } else {
+    for (Index k = 0; k < c.samples.size(); ++k) {
+      look_at(c.samples[k]);
+      in_time.row(k) = of_time_.transpose();
+    }
+    transform(c.from_samples, in_time);
+  }
+  source.shapes.add(in_time, coefficients);
+  drop_rounding_of_time(t, h, coefficients, unknown);
+  if (source.linear) return;
+  for (Index k = 0; k < c.checks.size(); ++k) {
+    look_at(c.checks[k]);
+    for (Index i = 0; i < source.count; ++i) of_time_[i] -= c.at_checks.row(k).dot(in_time.col(i));
+    value_.setZero(source.width);
+    source.shapes.add(of_time_, value_);
+    see(off, value_, unknown);
+  }
 }
 
 void EventSources::look(double t, double h, double at, Polynomials& p) const {
   const LegendreValues there = legendre(at);
-  Vector value;
-  if (bends(scene_.f)) {
-    value_of_f(t + h * at, value);
-    see(p.off_f, value, p.f, there, p.unknown_f);
+  if (f_.bends()) {
+    evaluate(f_, t + h * at, value_);
+    see(p.off_f, value_, p.f, there, p.unknown_f);
   }
-  if (bends(scene_.g)) {
-    value_of_g(t + h * at, value);
-    see(p.off_g, value, p.g, there, p.unknown_g);
+  if (g_.bends()) {
+    evaluate(g_, t + h * at, value_);
+    see(p.off_g, value_, p.g, there, p.unknown_g);
   }
 }
 
@@ -155,18 +172,17 @@ void EventSources::look_up(Index k, double at_time) const {
   SourceLooks& l = *looks_;
   if (l.known.empty()) {
     l.known.assign(SourceLooks::count, 0);
-    l.f.resize(bends(scene_.f) ? SourceLooks::count : 0, m_);
-    l.g.resize(bends(scene_.g) ? SourceLooks::count : 0, n_);
+    l.f.resize(f_.bends() ? SourceLooks::count : 0, f_.width);
+    l.g.resize(g_.bends() ? SourceLooks::count : 0, g_.width);
   }
   if (l.known[std::size_t(k)]) return;
-  Vector value;
-  if (bends(scene_.f)) {
-    value_of_f(at_time, value);
-    l.f.row(k) = value.transpose();
+  if (f_.bends()) {
+    evaluate(f_, at_time, value_);
+    l.f.row(k) = value_.transpose();
   }
-  if (bends(scene_.g)) {
-    value_of_g(at_time, value);
-    l.g.row(k) = value.transpose();
+  if (g_.bends()) {
+    evaluate(g_, at_time, value_);
+    l.g.row(k) = value_.transpose();
   }
   l.known[std::size_t(k)] = 1;
 }
@@ -183,8 +199,8 @@ Index EventSources::look_between(double t, double h, Polynomials& p) const {
     if (!(time > t + margin && time < t + h - margin)) continue;
     look_up(k, time);
     const LegendreValues there = legendre((time - t) / h);
-    if (bends(scene_.f)) see(p.off_f, looks_->f.row(k), p.f, there, p.unknown_f);
-    if (bends(scene_.g)) see(p.off_g, looks_->g.row(k), p.g, there, p.unknown_g);
+    if (f_.bends()) see(p.off_f, looks_->f.row(k), p.f, there, p.unknown_f);
+    if (g_.bends()) see(p.off_g, looks_->g.row(k), p.g, there, p.unknown_g);
   }
   return last - first + 1;
 }

@@ -3,6 +3,7 @@
 
 #include "../scene/scene.hpp"
 #include "collocation.hpp"
+#include "combination.hpp"
 
 #include <map>
 #include <memory>
@@ -57,15 +58,30 @@ class EventSources {
   Index look_between(double t, double h, Polynomials&) const;
 
  private:
-  void value_of_f(double t, Vector& value) const;
-  void value_of_g(double t, Vector& value) const;
+  /// f or g: shapes times functions of time.
+  struct Source {
+    TimeFunction time;  ///< empty: 0
+    Index count = 0;    ///< of its values
+    Combination shapes;
+    Index width;  ///< values of f or g
+    bool linear;
+
+    /// `by`: of the given source; empty: none.
+    Source(const TimeFunction& given, Index width, const Matrix& by);
+    bool bends() const { return time && !linear; }
+  };
+
+  void evaluate(const Source&, double t, Vector& value) const;
+  void sample(const Source&, double t, double h, LegendreCoefficients&, Vector& off, Vector& unknown) const;
   void look(double t, double h, double at, Polynomials&) const;
   void look_up(Index k, double time) const;
 
   const Scene& scene_;
-  Index m_, n_;
-  Matrix F_;  ///< f = F phi where the scene gives phi
+  Source f_, g_;
   std::shared_ptr<SourceLooks> looks_;
+  // Storage of a sample.
+  mutable Vector of_time_, value_;
+  mutable LegendreCoefficients in_time_;
 };
 
 }  // namespace bromwich

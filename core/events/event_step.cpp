@@ -12,19 +12,10 @@ namespace {
 constexpr Index degree = Collocation::degree;
 constexpr double rounding_tail = 1e-10;   ///< of last coefficients: below, rounding is the cause where it stays
 constexpr double noise_share = 10;        ///< of the tolerance: negative values below count as zero
-constexpr double unseen = 1e-3;           ///< of the state: what rounding of y may move
 constexpr double shortest_share = 1e-14;  ///< of T
 constexpr double of_source = 100;         ///< one value of one component of a source, in floating-point operations
 constexpr double overhead = 4000;         ///< of a step, likewise
-
-// Coefficients of the part of rows of a jet that does not depend on x.
-void without_x(const Jet& rows, const EventStep& p, LegendreCoefficients& sum) {
-  sum.noalias() = p.sources.f * rows.f.transpose();
-  sum.noalias() += p.sources.g * rows.g.transpose();
-  if (p.df.size() > 0) sum.noalias() += p.df * rows.df.transpose();
-  if (p.dg.size() > 0) sum.noalias() += p.dg * rows.dg.transpose();
-  if (p.ddg.size() > 0) sum.noalias() += p.ddg * rows.ddg.transpose();
-}
+constexpr double rounding_defect = 3e-13;
 
 // The last two coefficients, or a difference that was seen, relative to the sizes. Coefficients up to `rounding` count
 // as zero.
@@ -43,12 +34,9 @@ double tail(const LegendreCoefficients& c, const Vector& size, const Vector& off
   return largest;
 }
 
-// Coefficients of Legendre polynomials bound the values.
-auto largest(const LegendreCoefficients& c) { return c.cwiseAbs().colwise().sum().transpose(); }
-
 void set_larger(const Vector& before, const LegendreCoefficients& c, Vector& size) {
   size = before;
-  if (c.size() > 0) size = size.cwiseMax(largest(c));
+  if (c.size() > 0) size = size.cwiseMax(bounds(c));
 }
 
 // d^k/dt^k of polynomials on a step of length h. Within a short step it may be rounding of the values, and is zero
@@ -67,11 +55,6 @@ LegendreCoefficients derivative(const LegendreCoefficients& values, int k, doubl
   return c;
 }
 
-// Bounds the derivatives on [0, 1] times `by`.
-void add_largest_slope(const LegendreCoefficients& c, double by, Vector& sum) {
-  for (Index i = 0; i < c.cols(); ++i) sum[i] += by * (Collocation::get().derivative * c.col(i)).cwiseAbs().sum();
-}
-
 // h (I - hA)^{-1}: how constant inputs move the state in a step of implicit Euler. Fast modes that decay count with the
 // states to which they tend, and not with h times their rates. Where a mode grows much, this is singular or too small:
 // h I.
@@ -82,24 +65,33 @@ Matrix moved_within(double h, const Matrix& A) {
   return h * (I - h * A).partialPivLu().inverse();
 }
 
-// Whether a polynomial is nowhere above `zero` before `at`, where it is below -zero.
-bool is_never_above(const LegendreValues& coefficients, double at, double zero) {
-  constexpr int looks = 16;
-  for (int k = 0; k < looks; ++k)
-    if (coefficients.dot(legendre(at * k / looks)) > zero) return false;
-  return true;
-}
-
 }  // namespace
 
+void EventStep::set_without_x(const JetCombination& rows, Index count, LegendreCoefficients& sum) const {
+  sum.setZero(Eigen::NoChange, count);
+  rows.f.add(sources.f, sum);
+  rows.g.add(sources.g, sum);
+  if (df.size() > 0) rows.df.add(df, sum);
+  if (dg.size() > 0) rows.dg.add(dg, sum);
+  if (ddg.size() > 0) rows.ddg.add(ddg, sum);
+}
+
 void EventSizes::set_with(const EventSizes& before, const EventStep& step) {
+  set_sources_with(before, step);
+  set_values_with(before, step);
+}
+
+void EventSizes::set_values_with(const EventSizes& before, const EventStep& step) {
   set_larger(before.u.x, step.x, u.x);
+  set_larger(before.y, step.y, y);
+}
+
+void EventSizes::set_sources_with(const EventSizes& before, const EventStep& step) {
   set_larger(before.u.f, step.sources.f, u.f);
   set_larger(before.u.df, step.df, u.df);
   set_larger(before.u.g, step.sources.g, u.g);
   set_larger(before.u.dg, step.dg, u.dg);
   set_larger(before.u.ddg, step.ddg, u.ddg);
-  set_larger(before.y, step.y, y);
 }
 
 EventSizes EventSizes::with(const EventStep& step) const {
@@ -113,12 +105,16 @@ EventSteps::EventSteps(const SystemMatrices& system, const EventSources& sources
       sources_(sources),
       T_(T),
       propagators_(limits.longest),
+      B_(system.B),
+      N_(system.N),
+      M_(system.M),
       rigid_((openings(system).array() > 0).any()) {
   begin(limits);
 }
 
 void EventSteps::begin(const StepLimits& limits) {
   sign_is_lost_ = false;
+  first_lengths_.clear();
   if (limits == limits_) return;
   if (limits_.longest > 0 && limits.longest != limits_.longest) propagators_ = Propagators(limits.longest);
   limits_ = limits;
@@ -164,191 +160,56 @@ double EventSteps::source_defect(const JetValues& size, const EventSources::Poly
 // Collocation keeps the constraints of the mode but for rounding, that of terms of y which cancel. It is taken out: it
 // would add up from step to step. Not where g' enters, whose rounding is larger.
 void EventSteps::hold_constraints(const SwitchedMode& mode, EventStep& step) {
-  without_x(mode.constraints, step, off_);
-  off_.noalias() += step.x * mode.constraints.x.transpose();
+  step.set_without_x(mode.sum_constraints, mode.constraints.x.rows(), off_);
+  mode.sum_constraints.x.add(step.x, off_);
   off_.row(0) -= legendre(0).transpose() * off_;
   step.x.noalias() -= off_ * mode.onto.transpose();
 }
 
+// It ends early where the defect is known to be too large.
 void EventSteps::attempt(const SwitchedMode& mode, EventPoint& p, double h, EventStep& step) {
   const Collocation& c = Collocation::get();
   const Index m = system_.states(), n = system_.constraints();
+  const double too_large = std::max(limits_.tolerance, rounding_tail);
   step.length = h;
   sample(mode, p.t, h, step);
-  without_x(mode.y, step, y_of_sources_);
+  p.work += double(c.samples.size() + c.checks.size()) * work_of_sources() + overhead;
+  const JetValues& size = step.sizes.u;
+  step.sizes.set_sources_with(p.sizes, step);
+  step.defect = source_defect(size, step.sources);
+  if (!(step.defect <= too_large)) return;
+  step.set_without_x(mode.sum_y, n, y_of_sources_);
   input_ = step.sources.f;
-  input_.noalias() += y_of_sources_ * system_.B.transpose();
+  B_.add(y_of_sources_, input_);
   input_.row(0).noalias() += p.x.transpose() * mode.A.transpose();
   const LegendreCoefficients& whole = propagators_.move(mode, h, input_, step.x, p.work);
   step.x.row(0) += p.x.transpose();
   if (!rigid_ && mode.constraints.x.rows() > 0) hold_constraints(mode, step);
   step.y = y_of_sources_;
-  step.y.noalias() += step.x * mode.y.x.transpose();
+  mode.sum_y.x.add(step.x, step.y);
+  step.sizes.set_values_with(p.sizes, step);
+  p.work += double((degree + 1) * (degree + 1) * (6 * m + 3 * n) + 80 * m * m + (degree + 1) * (4 * m * n + 2 * n * n));
+  set_rounding_of_x(size.f, step.sizes.y, h, rounding_x_);
+  step.defect = std::max(step.defect, tail(whole, size.x, {}, rounding_x_));
+  if (!(step.defect <= too_large)) return;
   step.w = step.sources.g;
-  step.w.noalias() += step.x * system_.N.transpose();
-  step.w.noalias() += step.y * system_.M.transpose();
-  step.sizes.set_with(p.sizes, step);
+  N_.add(step.x, step.w);
+  M_.add(step.y, step.w);
   set_zeros(mode, p, step);
-  const JetValues& size = step.sizes.u;
-  step.defect = std::max({tail(whole, size.x, {}, rounding_of_x(step.sizes, h)), source_defect(size, step.sources),
-                          defect_of_signs(mode, step)});
-  p.work +=
-      double((degree + 1) * (degree + 1) * (6 * m + 3 * n) + 80 * m * m + (degree + 1) * (4 * m * n + 2 * n * n)) +
-      overhead;
-  p.work += double(c.samples.size() + c.checks.size()) * work_of_sources();
+  step.defect = std::max(step.defect, defect_of_signs(mode, step));
 }
 
-// Whether the conditions of the mode on f and g hold on the step.
-bool EventSteps::sources_agree(const SwitchedMode& mode, const JetValues& size, const EventStep& step) const {
-  if (mode.conditions.g.rows() == 0) return true;
-  LegendreCoefficients values;
-  without_x(mode.conditions, step, values);
-  const Vector off = largest(values);
-  return !((off - 30 * noise() * terms(mode.condition_terms, size)).array() > 0).any();
+Vector EventSteps::rounding_of_x(const EventSizes& sizes) const {
+  Vector rounding;
+  set_rounding_of_x(sizes.u.f, sizes.y, 0, rounding);
+  return rounding;
 }
 
-// Whether values of y that count as zero move the state between two breakpoints, where their sign is chosen anew, by
-// less than `unseen` of it, or of what y moves: otherwise terms of y cancel so far, by a small entry of M say, that its
-// sign is not known.
-bool EventSteps::y_is_known(const EventStep& step) const {
-  const JetValues& size = step.sizes.u;
-  const auto most = [](const auto& product) { return Vector(product).maxCoeff(); };
-  const double moved = most(by_y_within_span_ * step.zero_y);
-  return moved <= unseen * size.x.maxCoeff() || moved <= unseen * most(by_f_within_span_ * size.f) ||
-         moved <= unseen * most(by_y_within_span_ * Vector(largest(step.y)));
-}
-
-Vector EventSteps::rounding_of_x(const EventSizes& sizes, double length) const {
-  Vector moved = by_f_within_step_ * sizes.u.f;
-  moved.noalias() += by_y_within_step_ * sizes.y;
-  moved *= 64 * epsilon * longer_than_usual(length);
-  return moved;
-}
-
-// Negative values that count as zero are of a solution nearby. Where that is another one, with y_i > 0 and w_i = 0,
-// y_i is about -w_i / M_ii. Without M_ii it would move the state, and its error is that of x.
-void EventSteps::set_doubt(const SwitchedMode& mode, EventStep& step) const {
-  const Collocation& c = Collocation::get();
-  Vector& off = step.doubt;
-  off.setZero(system_.constraints());
-  std::size_t k = 0;
-  for (Index i = 0; i < off.size(); ++i) {
-    const bool active = k < mode.active.size() && mode.active[k] == i;
-    if (active) ++k;
-    if (!active && !(system_.M(i, i) > 0)) continue;
-    const Eigen::Matrix<double, degree, 1> values = c.stages * (active ? step.y : step.w).col(i);
-    for (Index j = 0; j < values.size() && c.nodes[j] <= step.valid; ++j) off[i] = std::max(off[i], -values[j]);
-    off[i] = std::max(0.0, off[i] - (active ? step.rounding_y : step.rounding_w)[i]) / (active ? 1 : system_.M(i, i));
-  }
-}
-
-// Rounding of u on a step: of the values there, of x' in a state that its terms hold at zero, and of the derivatives of
-// sources. What has decayed to eps^2 of its largest value is zero.
-void EventSteps::set_rounding(const EventStep& step) {
-  static const double steepest = Collocation::get().derivative.cwiseAbs().colwise().sum().maxCoeff();
-  const auto& [f, g, off_f, off_g, unknown_f, unknown_g] = step.sources;
-  const double grown = steepest / step.length;
-  JetValues& u = rounding_;
-  u.f = largest(f);
-  u.g = largest(g);
-  terms_y_ = largest(step.y);
-  u.x.noalias() = by_f_within_step_ * u.f;
-  u.x.noalias() += by_y_within_step_ * terms_y_;
-  u.x *= longer_than_usual(step.length);
-  u.x += largest(step.x);
-  u.x = 64 * epsilon * u.x + epsilon * epsilon * step.sizes.u.x;
-  u.df = grown * (4 * epsilon * u.f + unknown_f);
-  u.dg = grown * (4 * epsilon * u.g + unknown_g);
-  u.ddg = grown * u.dg;
-  u.f = 64 * epsilon * u.f + unknown_f;
-  u.g = 64 * epsilon * u.g + unknown_g;
-}
-
-// What counts as zero of y and w: their rounding, what changes within that of t, and the error of a resolved polynomial
-// beside its own size on the step.
-void EventSteps::set_zeros(const SwitchedMode& mode, const EventPoint& p, EventStep& step) {
-  const JetValues& size = step.sizes.u;
-  set_rounding(step);
-  const double of_t = 4 * epsilon * T_ / step.length;
-  set_terms(mode.y, rounding_, terms_y_);
-  step.rounding_y = terms_y_;
-  add_largest_slope(step.y, of_t, step.rounding_y);
-  step.rounding_w = rounding_.g;
-  step.rounding_w.noalias() += system_.N.cwiseAbs() * rounding_.x;
-  step.rounding_w.noalias() += system_.M.cwiseAbs() * terms_y_;
-  add_largest_slope(step.w, of_t, step.rounding_w);
-  // Of rigid contacts beside the largest terms so far: bounces that are lower end.
-  if (rigid_) {
-    step.zero_y = step.rounding_y + noise() * terms(mode.y, size);
-    step.zero_w = step.rounding_w + noise() * terms(mode.w, size);
-    return;
-  }
-  step.zero_y = step.rounding_y + noise() * largest(step.y);
-  step.zero_w = step.rounding_w + noise() * largest(step.w);
-  // w that the mode holds at zero is zero, and what counted as zero at the end of the step before still does.
-  for (const Index i : mode.active) step.zero_w[i] = std::max(step.zero_w[i], step.w.col(i).cwiseAbs().sum());
-  if (p.zero_w.size() == 0) return;
-  const LegendreValues at = legendre(0);
-  const auto keep = [&at](Vector& zero, const Vector& before, const Vector& rounding,
-                          const LegendreCoefficients& values) {
-    for (Index i = 0; i < zero.size(); ++i)
-      zero[i] = std::max(zero[i], std::min(before[i] + rounding[i], -values.col(i).dot(at)));
-  };
-  keep(step.zero_y, p.zero_y, step.rounding_y, step.y);
-  keep(step.zero_w, p.zero_w, step.rounding_w, step.w);
-}
-
-// Last coefficients of y and w beside their own sizes on the step, where their sign may depend on them.
-double EventSteps::defect_of_signs(const SwitchedMode& mode, const EventStep& step) const {
-  if (rigid_) return 0;
-  const Collocation& c = Collocation::get();
-  double defect = 0;
-  std::size_t k = 0;
-  for (Index i = 0; i < system_.constraints(); ++i) {
-    const bool active = k < mode.active.size() && mode.active[k] == i;
-    if (active) ++k;
-    const LegendreValues of_sign = (active ? step.y : step.w).col(i);
-    const double last = std::abs(of_sign[degree]) + std::abs(of_sign[degree - 1]);
-    const double unknown = last - (active ? step.rounding_y : step.rounding_w)[i];
-    if (!(unknown > 0) || (c.bernstein * of_sign).minCoeff() > 4 * last) continue;
-    defect = std::max(defect, unknown / of_sign.cwiseAbs().sum());
-  }
-  return defect;
-}
-
-// The part of the step on which y and w are nonnegative.
-void EventSteps::find_event(const SwitchedMode& mode, const std::vector<char>* free, EventStep& step) const {
-  const Collocation& c = Collocation::get();
-  const JetValues& size = step.sizes.u;
-  if (!sources_agree(mode, size, step)) {
-    step.valid = 0;
-    step.event = mode.active.front();
-    step.at_once = true;
-    step.doubt.setZero(system_.constraints());
-    return;
-  }
-  step.valid = 1;
-  step.event = -1;
-  step.at_once = false;
-  LegendreValues of_event;
-  double zero_of_event = 0;
-  std::size_t k = 0;
-  for (Index i = 0; i < system_.constraints(); ++i) {
-    const bool active = k < mode.active.size() && mode.active[k] == i;
-    if (active) ++k;
-    if (free && (*free)[std::size_t(i)]) continue;
-    const double zero = (active ? step.zero_y : step.zero_w)[i] + 1e-290;
-    const LegendreValues coefficients = (active ? step.y : step.w).col(i);
-    const double at = first_below(c.bernstein * coefficients, zero);
-    if (at >= step.valid) continue;
-    step.valid = at;
-    step.event = i;
-    of_event = coefficients;
-    zero_of_event = zero;
-  }
-  if (step.event >= 0) step.at_once = is_never_above(of_event, step.valid, zero_of_event);
-  if (step.event >= 0 && step.valid > 0) step.valid = zero_before(of_event, step.valid);
-  set_doubt(mode, step);
+// By values of f and y of these sizes.
+void EventSteps::set_rounding_of_x(const Vector& f, const Vector& y, double length, Vector& rounding) const {
+  rounding.noalias() = by_f_within_step_ * f;
+  rounding.noalias() += by_y_within_step_ * y;
+  rounding *= 64 * epsilon * longer_than_usual(length);
 }
 
 // Of one value of f and of g.
@@ -362,6 +223,30 @@ void EventSteps::look_closer(EventPoint& p, EventStep& step) const {
   sources_.look_at_ends(p.t, step.length, step.sources);
   p.work += double(2 + sources_.look_between(p.t, step.length, step.sources)) * work_of_sources();
   step.defect = std::max(step.defect, source_defect(step.sizes.u, step.sources));
+}
+
+double EventSteps::room(const EventStep& step) const {
+  constexpr double most = 3;
+  if (!(step.defect > rounding_defect)) return most;  // rounding makes defects that say nothing of the step
+  return std::min(most, 0.9 * std::pow(limits_.tolerance / step.defect, 1.0 / double(degree)));
+}
+
+bool EventSteps::resolve_first(const SwitchedMode& mode, EventPoint& p, EventStep& step) {
+  double& known = first_lengths_[&mode];
+  const double proposed = p.h;
+  bool limits = known > 0 && known < longest_from(p);
+  if (limits) {
+    const bool lost = sign_is_lost_;
+    p.h = known;
+    limits = resolve(mode, p, step);
+    p.h = proposed;
+    if (!limits) known = 0, sign_is_lost_ = lost;  // the sign of y may be known on a longer step
+  }
+  if (!limits && !resolve(mode, p, step)) return false;
+  const double longest = step.length * std::max(1.0, room(step));
+  known = step.shortened ? longest : std::max(known, longest);
+  step.shortened = step.shortened || limits;
+  return true;
 }
 
 bool EventSteps::resolve(const SwitchedMode& mode, EventPoint& p, EventStep& step, const std::vector<char>* free) {

@@ -37,18 +37,13 @@ Vector evaluate(const Jet& c, const JetValues& u) {
 }
 
 Vector terms(const Jet& c, const JetValues& u) {
-  Vector sum;
-  set_terms(c, u, sum);
-  return sum;
-}
-
-void set_terms(const Jet& c, const JetValues& u, Vector& sum) {
-  sum.noalias() = c.x.cwiseAbs() * u.x;
+  Vector sum = c.x.cwiseAbs() * u.x;
   sum.noalias() += c.f.cwiseAbs() * u.f;
   sum.noalias() += c.df.cwiseAbs() * u.df;
   sum.noalias() += c.g.cwiseAbs() * u.g;
   sum.noalias() += c.dg.cwiseAbs() * u.dg;
   sum.noalias() += c.ddg.cwiseAbs() * u.ddg;
+  return sum;
 }
 
 }  // namespace bromwich

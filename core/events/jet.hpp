@@ -39,6 +39,5 @@ Jet absolute(const Jet&);
 /// Value of the rows, and the sum of the absolute values of their terms.
 Vector evaluate(const Jet&, const JetValues&);
 Vector terms(const Jet&, const JetValues& sizes);
-void set_terms(const Jet&, const JetValues& sizes, Vector& sum);
 
 }  // namespace bromwich

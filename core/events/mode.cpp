@@ -281,22 +281,20 @@ Jet rebound(const SystemMatrices& s, const SwitchedMode& mode, const Vector& e) 
   return Matrix(mode.velocities * e.asDiagonal()) * rates_of_w(s);
 }
 
-std::optional<SwitchedMode> make_switched_mode(const SystemMatrices& s, const std::vector<Index>& active) {
+namespace {
+
+std::optional<SwitchedMode> determined_mode(const SystemMatrices& s, const std::vector<Index>& active) {
   const Index m = s.states(), n = s.constraints(), a = Index(active.size());
   const Jet none = Jet::zero(0, m, n);
   const Jet seen = seen_by(s);
-  SwitchedMode mode{active,
-                    s.A,
-                    Jet::zero(n, m, n),
-                    seen,
-                    false,
-                    false,
-                    false,
-                    none,
-                    none,
-                    none,
-                    Matrix::Zero(n, 0),
-                    Matrix::Zero(0, n)};
+  SwitchedMode mode;
+  mode.active = active;
+  mode.A = s.A;
+  mode.y = Jet::zero(n, m, n);
+  mode.w = seen;
+  mode.constraints = mode.conditions = mode.condition_terms = none;
+  mode.impulse = Matrix::Zero(n, 0);
+  mode.velocities = Matrix::Zero(0, n);
   if (a == 0) return mode;
   const Matrix B = s.B(Eigen::all, active);
   Matrix E = s.M(active, active);
@@ -356,6 +354,17 @@ std::optional<SwitchedMode> make_switched_mode(const SystemMatrices& s, const st
   const Matrix rows = mode.constraints.x(held, Eigen::all);
   const Matrix inverse = rows.completeOrthogonalDecomposition().pseudoInverse();
   mode.onto(Eigen::all, held) = inverse;
+  return mode;
+}
+
+}  // namespace
+
+std::optional<SwitchedMode> make_switched_mode(const SystemMatrices& s, const std::vector<Index>& active) {
+  std::optional<SwitchedMode> mode = determined_mode(s, active);
+  if (!mode) return mode;
+  mode->sum_y = JetCombination(mode->y);
+  mode->sum_constraints = JetCombination(mode->constraints);
+  mode->sum_conditions = JetCombination(mode->conditions);
   return mode;
 }
 

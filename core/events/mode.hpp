@@ -13,7 +13,7 @@
 // A state that does not fulfil the constraints jumps by B p with an impulse p of y_S: M_SS p = 0, and the constraints
 // hold afterwards. With restitution e the velocities w_S' do not vanish: w_S'+ = -e w_S'-, the rebound.
 
-#include "jet.hpp"
+#include "combination.hpp"
 
 #include <optional>
 #include <vector>
@@ -42,7 +42,8 @@ struct SwitchedMode {
   Jet condition_terms;  ///< their terms, by absolute value
   Matrix impulse;       ///< n x constraints: p = impulse * (values of the constraints and of the rebound before it)
   Matrix velocities;    ///< constraints x n: what of w' is in the constraints
-  Matrix onto;          ///< m x constraints: x -= onto * (their values) is on those without g'
+  JetCombination sum_y, sum_constraints, sum_conditions;  ///< y, constraints and conditions, for polynomials
+  Matrix onto;  ///< m x constraints: x -= onto * (their values) is on those without g'
 };
 
 /// n values: w_i'' by y_i of rigid contacts, where y_i acts on w_i'' alone and w does not depend on y; 0 elsewhere.

@@ -21,7 +21,7 @@ namespace {
 constexpr double first_tolerance = 1e-8;  ///< of the first integration at most, for the last coefficients of steps
 constexpr double first_share = 1e-4;      ///< of the tolerance, likewise
 constexpr double least_first = 1e-10;     ///< of the first integration at least, and where no tolerance is given
-constexpr double ratio = 1e-3;            ///< of the tolerances of two integrations
+constexpr double ratio = 1e-2;            ///< of the tolerances of two integrations
 constexpr double finest_tolerance = 1e-12, finest_first = 1e-11;
 constexpr double agreed = 0.8;             ///< of the tolerance
 constexpr double assumed = 1e-4;           ///< the tolerance where none is given
@@ -280,7 +280,7 @@ class EventControl {
     describe(s, r);
     const bool unique = s.unique;
     r.located = std::make_shared<const LocatedSolution>(std::move(s));
-    r.residual = rows_->residual(r);
+    r.residual = options_.units ? 0 : rows_->residual(r);  // in natural units that of the scene as it is stated
     const double error = std::max(of_y_, of_x_);
     if (std::isfinite(error)) r.error_estimate = error;
     const bool good = error <= agreed * tolerance_, met = good || (!chooses_grid() && error < nothing_known);

@@ -98,6 +98,23 @@ TEST(Behaviour, SinePulseWidthModulation) {
 }
 
 // A source of current, and currents of a resistor and a coil in an expression.
+// The parts of an expression are elements of their own, and nobody asks for them.
+TEST(Behaviour, OutputsAreThoseOfTheNetlist) {
+  const Circuit c = circuit_of(
+      "V1 a 0 SIN(0 1 1k)\nX1 a o clip\nR1 o b 1k\nL1 b 0 1m\n.subckt clip in out\n"
+      "Bu out 0 V={max(V(in), 0) + if(V(in) > 0.5, 1, 0) + sin(6283*time)}\n.ends\n.tran 1u 1m uic\n");
+  std::vector<std::string> names, elements;
+  for (const CircuitOutput& o : c.outputs) names.push_back(o.name);
+  for (const CircuitElement& e : c.elements) {
+    elements.push_back(e.name);
+    EXPECT_EQ(c.outputs[std::size_t(e.current)].name, "I(" + e.name + ")");
+  }
+  EXPECT_EQ(names, (std::vector<std::string>{"V(a)", "V(b)", "V(o)", "I(V1)", "I(X1.Bu)", "I(R1)", "I(L1)"}));
+  EXPECT_EQ(elements, (std::vector<std::string>{"V1", "X1.Bu", "R1", "L1"}));
+  ASSERT_EQ(c.stores.size(), 1u);
+  EXPECT_EQ(c.stores[0].a, 3);
+}
+
 TEST(Behaviour, CurrentsOfElements) {
   const Circuit c = circuit_of("V1 a 0 6\nR1 a b 2\nL1 b 0 1m\nB1 0 o I=I(R1)+2*I(L1)\nR2 o 0 1\n.tran 1u 1m uic\n");
   const double i = 3 * -std::expm1(-2 * 0.4);
