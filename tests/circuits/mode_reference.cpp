@@ -319,16 +319,17 @@ class Simulation {
   }
 
   // Steps halve until one ends before the first change of mode; the shortest step contains it. Where two halves show
-  // none, because rounding moves the state as much as they do, that of the whole is taken behind them.
+  // none, because rounding moves the state as much as they do, that of the whole is taken behind them. Behind a change
+  // they grow from the shortest: a diode may conduct for a part of a fast transient alone.
   void advance(double begin, double end) {
     begin_ = begin, end_ = end;
     for (std::size_t i = 0; i < parts_.size(); ++i)
       if (parts_[i].kind == 'S') mode_[i] = control(parts_[i], (begin + end) / 2) > 0;
     VectorXd z = settled(0);
-    int least_level = 0, halves = 0, right = 0;
+    int least_level = 0, first_level = levels - 1, halves = 0, right = 0;
     std::size_t blamed = 0;
     for (double t = 0, span = end - begin;;) {
-      int level = least_level;
+      int level = std::max(least_level, first_level);
       while (level < levels && std::ldexp(longest_, -level) > std::min(span - t, span / 6)) ++level;
       if (level == levels) break;
       const MatrixXd& step = mode().step[std::size_t(level)];
@@ -344,8 +345,9 @@ class Simulation {
       z = next, t += std::ldexp(longest_, -level);
       x_ = z.head(states_);
       largest_ = largest_.cwiseMax(x_.cwiseAbs());
-      if (least_level == 0 || (!wrong && (level > least_level || ++halves < 2))) continue;
-      least_level = halves = 0;
+      first_level = std::max(0, first_level - 1);
+      if (!wrong && (least_level == 0 || level > least_level || ++halves < 2)) continue;
+      least_level = halves = 0, first_level = levels - 1;
       if (!wrong) mode_[blamed] = right, ++changes_;
       z = settled(t);
     }
