@@ -4,6 +4,7 @@
 #include "core/result/slack.hpp"
 #include "core/scene/component_names.hpp"
 
+#include <fmt/compile.h>
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -20,11 +21,11 @@ namespace {
 constexpr std::size_t flush_bytes = 1 << 20;
 
 void append(fmt::memory_buffer& text, double value) {
-  // A NaN may carry a sign, which readers of the file do not expect.
-  if (std::isnan(value))
-    fmt::format_to(std::back_inserter(text), ",nan");
-  else
-    fmt::format_to(std::back_inserter(text), ",{}", value + 0.0);  // -0 becomes 0
+  constexpr std::size_t longest = 32;
+  char number[longest];
+  // A NaN may carry a sign, which readers of the file do not expect. -0 becomes 0.
+  const double shown = std::isnan(value) ? std::nan("") : value + 0.0;
+  text.append(number, fmt::format_to(number, FMT_COMPILE(",{}"), shown));
 }
 
 /// The values of all columns.

@@ -113,7 +113,7 @@ Waveform sine(const std::vector<double>& a, bool settled) {
   w.constant = amplitude == 0 || (omega == 0 && damping == 0);
   w.value = [=](double t) {
     const double s = always ? t - delay : std::max(0.0, t - delay);
-    return offset + amplitude * std::exp(-s * damping) * std::sin(omega * s + phase);
+    return offset + amplitude * (damping == 0 ? 1 : std::exp(-s * damping)) * std::sin(omega * s + phase);
   };
   w.slope = [=](double t) {
     const double s = t - delay;

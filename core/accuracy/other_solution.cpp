@@ -59,9 +59,10 @@ OtherSolution other_solution(const DiscreteProblem& p, const Result& result, con
   const LcpClass of_steps = classify(LcpMatrix(step->implicit));
   if (has_one_solution(of_steps)) return found;
   ActiveSetLcp lcp(step->implicit, of_steps);
+  const SolutionsBeside others(step->implicit);
   // y may belong to another method than implicit Euler: two solutions of one problem are compared.
   const auto one = [&](const Vector& q, const Vector& y) {
-    if (found.searched) return another_solution(step->implicit, q, y, at_corners);
+    if (found.searched) return others.nearest(q, y, at_corners);
     Vector first;
     return lcp.solve(q, first).solved ? std::optional(first) : std::nullopt;
   };
@@ -71,7 +72,7 @@ OtherSolution other_solution(const DiscreteProblem& p, const Result& result, con
     const Vector q = p.small_state()->N * free + g.row(j).transpose(), y = result.y.row(j).transpose();
     const auto first = one(q, y);
     if (!first) continue;
-    const auto second = another_solution(step->implicit, q, *first, at_corners);
+    const auto second = others.nearest(q, *first, at_corners);
     if (!second) continue;
     found.row = j;
     const Vector moved = step->drive * (*first - *second),

@@ -2,8 +2,6 @@
 
 #include "core/lcp/solution.hpp"
 
-#include <Eigen/LU>
-
 #include <algorithm>
 #include <cmath>
 
@@ -15,11 +13,12 @@ constexpr double least_other = 1e-10;
 constexpr double distinct = 1e-6;
 
 bool solves(const Matrix& M, const Vector& q, const Vector& y) {
-  const Vector w = M * y + q, terms = M.cwiseAbs() * y.cwiseAbs() + q.cwiseAbs();
   const double size = y.cwiseAbs().maxCoeff();
+  if (y.minCoeff() < -least_other * size) return false;
+  const Vector w = M * y + q, terms = M.cwiseAbs() * y.cwiseAbs() + q.cwiseAbs();
   for (Index i = 0; i < y.size(); ++i) {
     const double zero_w = least_other * std::max(terms[i], 1e-300);
-    if (y[i] < -least_other * size || w[i] < -zero_w) return false;
+    if (w[i] < -zero_w) return false;
     if (y[i] > least_other * size && w[i] > zero_w) return false;
   }
   return true;
@@ -67,8 +66,16 @@ std::optional<Vector> along_a_null_vector(const Matrix& M, const Vector& q, cons
 
 }  // namespace
 
-std::optional<Vector> another_solution(const Matrix& M, const Vector& q, const Vector& y, bool at_corners) {
-  const Index n = q.size();
+SolutionsBeside::SolutionsBeside(const Matrix& M) : M_(M) {
+  const Index n = M.rows();
+  for (unsigned set = 1; n <= largest_searched && set < 1u << n; ++set) {
+    const std::vector<Index> S = members(set, n);
+    Eigen::PartialPivLU<Matrix> lu(M(S, S));
+    if (lu.rcond() > 1e-12) sets_.push_back({S, std::move(lu)});
+  }
+}
+
+std::optional<Vector> SolutionsBeside::nearest(const Vector& q, const Vector& y, bool at_corners) const {
   if (!q.allFinite() || !y.allFinite()) return std::nullopt;
   std::optional<Vector> nearest;
   const auto consider = [&](const Vector& other) {
@@ -77,18 +84,19 @@ std::optional<Vector> another_solution(const Matrix& M, const Vector& q, const V
     if (!(apart > distinct * size)) return;
     if (!nearest || apart < (*nearest - y).cwiseAbs().maxCoeff()) nearest = other;
   };
-  for (unsigned set = 0; n <= largest_searched && set < 1u << n; ++set) {
-    const std::vector<Index> S = members(set, n);
-    Vector other = Vector::Zero(n);
-    if (!S.empty()) {
-      const Eigen::PartialPivLU<Matrix> lu(M(S, S));
-      if (!(lu.rcond() > 1e-12)) continue;
-      other(S) = -Vector(lu.solve(Vector(q(S))));
-    }
-    if (solves(M, q, other)) consider(other);
+  Vector other = Vector::Zero(q.size());
+  if (q.size() <= largest_searched && solves(M_, q, other)) consider(other);
+  for (const RegularSet& set : sets_) {
+    other.setZero();
+    other(set.active) = -Vector(set.lu.solve(Vector(q(set.active))));
+    if (solves(M_, q, other)) consider(other);
   }
-  if (const auto moved = along_a_null_vector(M, q, y, at_corners)) consider(*moved);
+  if (const auto moved = along_a_null_vector(M_, q, y, at_corners)) consider(*moved);
   return nearest;
+}
+
+std::optional<Vector> another_solution(const Matrix& M, const Vector& q, const Vector& y, bool at_corners) {
+  return SolutionsBeside(M).nearest(q, y, at_corners);
 }
 
 }  // namespace bromwich

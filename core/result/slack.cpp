@@ -4,11 +4,20 @@
 #include "core/scene/memory_rows.hpp"
 #include "core/scene/source_steps.hpp"
 
+#include <algorithm>
+
 namespace bromwich {
 
 namespace {
 
 double defect(const Eigen::Ref<const Vector>& y, const Vector& w) { return y.cwiseMin(w).cwiseAbs().maxCoeff(); }
+
+// Whether g may jump at t, which is known to `resolution`.
+bool may_jump(const Scene& scene, double t, double resolution) {
+  if (!scene.breakpoints_are_all) return true;
+  const auto next = std::lower_bound(scene.breakpoints.begin(), scene.breakpoints.end(), t - resolution);
+  return next != scene.breakpoints.end() && *next <= t + resolution;
+}
 
 // w with the limit of g, from the left or from the right, that y is complementary to; `w` if neither is better.
 Vector on_the_side_of_y(const OneSided& g, double t, double T, const Vector& own, const Eigen::Ref<const Vector>& y,
@@ -28,6 +37,7 @@ Vector on_the_side_of_y(const OneSided& g, double t, double T, const Vector& own
 
 RowMatrix slack(const Scene& scene, const Result& result, Index first, Index count) {
   constexpr double met = 1e-12;
+  const double resolution = 256 * epsilon * scene.T;
   const Vector t = result.t.segment(first, count);
   RowMatrix w = result.trace.middleRows(first, count);
   ScenesInModes scenes(scene);
@@ -38,10 +48,10 @@ RowMatrix slack(const Scene& scene, const Result& result, Index first, Index cou
     if (now.g) now.g(t[j], g);
     w.row(j) += (g + multiply(now.M, y)).transpose();
     const bool one_sided = locates_switches(result) || has_own_steps(result) || result.method == Method::galerkin;
-    if (!one_sided || !now.g || y.size() == 0) continue;
+    if (!one_sided || !now.g || y.size() == 0 || !may_jump(scene, t[j], resolution)) continue;
     const Vector here = w.row(j).transpose();
     if (defect(y, here) <= met * g.cwiseAbs().maxCoeff()) continue;
-    const OneSided sides(now.g, w.cols(), 256 * epsilon * scene.T);
+    const OneSided sides(now.g, w.cols(), resolution);
     w.row(j) = on_the_side_of_y(sides, t[j], scene.T, g, y, here).transpose();
   }
   return w;

@@ -280,7 +280,7 @@ class EventControl {
     describe(s, r);
     const bool unique = s.unique;
     r.located = std::make_shared<const LocatedSolution>(std::move(s));
-    r.residual = rows_->residual(r);
+    r.residual = options_.units ? 0 : rows_->residual(r);  // in natural units that of the scene as it is stated
     const double error = std::max(of_y_, of_x_);
     if (std::isfinite(error)) r.error_estimate = error;
     const bool good = error <= agreed * tolerance_, met = good || (!chooses_grid() && error < nothing_known);

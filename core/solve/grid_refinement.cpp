@@ -155,13 +155,14 @@ std::string GridRefinement::spent(Index J) const {
 }
 
 std::optional<Result> GridRefinement::on_tree(double most_operations) {
-  constexpr double of_leaf = 10;  // operations, beside those of a step of equal length
+  constexpr double of_leaf = 10;  // operations, beside those of a step of equal length, and its own factors
   constexpr Index more = 4;       // steps than before, or no other attempt is made
   const bool march = options_.method == Method::march || options_.method == Method::automatic;
   if (!march || solved_->method != Method::march || solved_->impacts) return std::nullopt;
   if (solved_->starts_with_impulse || solved_->magnification > most_growth) return std::nullopt;
   InnerOptions limited = options_;
-  const double most = most_operations / (of_leaf * (operations(2) - operations(1)));
+  const double size = double(scene_.states() + 2 * scene_.constraints());
+  const double most = most_operations / (of_leaf * (operations(2) - operations(1)) + size * size * size);
   if (most < double(limited.max_steps)) limited.max_steps = Index(most);
   if (limited.max_steps < std::max(2 * expected_, more * tried_tree_)) return std::nullopt;
   tried_tree_ = limited.max_steps;
