@@ -11,6 +11,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <tuple>
 
 namespace bromwich {
 
@@ -109,19 +110,19 @@ class EventIntegration {
   bool advance_to(double end) {
     at_.end = end;
     if (!is_wanted()) return false;
-    if (end - at_.t > 4 * epsilon * T_) return continue_behind_breakpoint() && run_segment();
+    if (end - at_.t > 4 * epsilon * T_)
+      return continue_as_before(mode_ ? std::optional(mode_->active) : std::nullopt, -1) && run_segment();
     at_.t = end;  // edges that differ by rounding alone
     return true;
   }
 
-  // Periodic sources: the set that has followed this one at its last breakpoint is likely to follow again.
-  bool continue_behind_breakpoint() {
-    const SwitchedMode* before = mode_;
-    std::optional<std::vector<Index>> likely;
-    if (before) likely = before->active;
-    if (const auto known = followers_.find(before); known != followers_.end()) likely = known->second->active;
-    if (!continue_with(likely, false)) return false;
-    followers_[before] = mode_;
+  // What has followed this set and the one before it, at a breakpoint or at this event, is likely to follow again.
+  bool continue_as_before(std::optional<std::vector<Index>> likely, Index event) {
+    const Passage here{regime_, earlier_, mode_, event};
+    if (const auto known = followers_.find(here); known != followers_.end()) likely = known->second->active;
+    earlier_ = mode_;
+    if (!continue_with(likely, event >= 0)) return false;
+    if (regime_ == std::get<0>(here)) followers_[here] = mode_;
     return true;
   }
 
@@ -327,12 +328,12 @@ class EventIntegration {
         continue;
       }
       if (pending_event_ < 0) {
-        EventStep& step = step_;
-        if (!regime_->steps.resolve(*mode_, at_, step))
+        const auto resolves = [this] { return regime_->steps.resolve(*mode_, at_, step_); };
+        if (!resolves() && (at_.h = longest_, !resolves()))  // the sign of y may be known on a longer step
           return give_up(regime_->steps.sign_is_lost() ? lost_sign : "a step could not be resolved");
-        if (step.valid > 0) accept(step);
-        if (step.valid >= 1) continue;
-        pending_event_ = solution_.pieces.back().event = step.event;
+        if (step_.valid > 0) accept(step_);
+        if (step_.valid >= 1) continue;
+        pending_event_ = solution_.pieces.back().event = step_.event;
       }
       if (!(at_.t < at_.end)) break;
       ++solution_.events;
@@ -342,7 +343,7 @@ class EventIntegration {
         idle = 0;
         if (!pass_accumulation()) return false;
       }
-      if (!continue_with(exchanged(pending_event_), true)) return false;
+      if (!continue_as_before(exchanged(pending_event_), pending_event_)) return false;
     }
     return true;
   }
@@ -356,12 +357,14 @@ class EventIntegration {
   RegimeSteps* regime_ = nullptr;
   EventPoint at_, here_, chosen_from_;
   EventStep step_;
-  const SwitchedMode* mode_ = nullptr;
-  std::map<const SwitchedMode*, const SwitchedMode*> followers_;  ///< at the last breakpoint behind each mode
-  Index pending_event_ = -1;                                      ///< the component that ended the last step
-  double allowed_ = 0;                                            ///< work before the budget is asked again
-  int unknown_ = 0;                                               ///< short steps since an active set was known
-  std::size_t stored_ = 0, asked_ = 0;                            ///< numbers; whether the solution is still wanted
+  const SwitchedMode *mode_ = nullptr, *earlier_ = nullptr;  ///< now, and before the last event or breakpoint
+  /// In a regime, from the two modes before, at an event of this component, or, with -1, at a breakpoint.
+  using Passage = std::tuple<const RegimeSteps*, const SwitchedMode*, const SwitchedMode*, Index>;
+  std::map<Passage, const SwitchedMode*> followers_;  ///< the mode that followed last
+  Index pending_event_ = -1;                          ///< the component that ended the last step
+  double allowed_ = 0;                                ///< work before the budget is asked again
+  int unknown_ = 0;                                   ///< short steps since an active set was known
+  std::size_t stored_ = 0, asked_ = 0;                ///< numbers; whether the solution is still wanted
   EventSolution solution_;
 };
 
@@ -387,8 +390,10 @@ EventSolution integrate_with_events(const Scene& scene, LcpClass lcp_class, cons
 Vector largest_values(const EventSolution& s, Matrix EventPiece::*which) {
   Vector largest = Vector::Zero((s.pieces.front().*which).cols());
   for (const EventPiece& p : s.pieces)
-    for (const double part : {0.0, 0.5, 1.0})
-      largest = largest.cwiseMax(((p.*which).transpose() * legendre(part * (p.end - p.begin) / p.length)).cwiseAbs());
+    for (const double part : {0.0, 0.5, 1.0}) {
+      const LegendreValues at = legendre(part * (p.end - p.begin) / p.length);
+      for (Index i = 0; i < largest.size(); ++i) largest[i] = std::max(largest[i], std::abs((p.*which).col(i).dot(at)));
+    }
   return largest;
 }
 

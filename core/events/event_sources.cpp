@@ -38,7 +38,9 @@ void see(Vector& off, const Vector& differences, const Vector& unknown) {
 template <typename Value>
 void see(Vector& off, const Value& value, const LegendreCoefficients& c, const LegendreValues& at,
          const Vector& unknown) {
-  see(off, Vector(Vector(value) - c.transpose() * at), unknown);
+  for (Index i = 0; i < off.size(); ++i)
+    if (const double difference = std::abs(value[i] - c.col(i).dot(at)); difference > unknown[i])
+      off[i] = std::max(off[i], difference);
 }
 
 }  // namespace

@@ -114,8 +114,8 @@ EventSteps::EventSteps(const SystemMatrices& system, const EventSources& sources
 
 void EventSteps::begin(const StepLimits& limits) {
   sign_is_lost_ = false;
-  if (limits == limits_) return;
   first_lengths_.clear();
+  if (limits == limits_) return;
   if (limits_.longest > 0 && limits.longest != limits_.longest) propagators_ = Propagators(limits.longest);
   limits_ = limits;
   by_f_within_span_ = moved_within(limits.span, system_.A);
@@ -234,11 +234,15 @@ double EventSteps::room(const EventStep& step) const {
 bool EventSteps::resolve_first(const SwitchedMode& mode, EventPoint& p, EventStep& step) {
   double& known = first_lengths_[&mode];
   const double proposed = p.h;
-  const bool limits = known > 0 && known < longest_from(p);
-  if (limits) p.h = known;
-  const bool resolved = resolve(mode, p, step);
-  p.h = proposed;
-  if (!resolved) return false;
+  bool limits = known > 0 && known < longest_from(p);
+  if (limits) {
+    const bool lost = sign_is_lost_;
+    p.h = known;
+    limits = resolve(mode, p, step);
+    p.h = proposed;
+    if (!limits) known = 0, sign_is_lost_ = lost;  // the sign of y may be known on a longer step
+  }
+  if (!limits && !resolve(mode, p, step)) return false;
   const double longest = step.length * std::max(1.0, room(step));
   known = step.shortened ? longest : std::max(known, longest);
   step.shortened = step.shortened || limits;

@@ -11,6 +11,14 @@ namespace {
 constexpr Index degree = Collocation::degree;
 constexpr std::size_t most_kept = 4000000;  ///< numbers
 constexpr Index most_columns = 128;
+constexpr Index few = 16;  ///< states whose products cost less without packing
+
+// by * (columns of c), where both have few rows, known when this is compiled.
+template <class By, class Polynomials, class Product>
+void multiply_columns(const By& by, const Polynomials& c, Product& product) {
+  product.resize(Eigen::NoChange, c.cols());
+  for (Index i = 0; i < c.cols(); ++i) product.col(i).noalias() = by * c.col(i);
+}
 
 }  // namespace
 
@@ -39,18 +47,23 @@ void Propagators::collocate(const SwitchedMode& mode, double h, const LegendreCo
                             LegendreCoefficients& z, double& work) {
   const Collocation& c = Collocation::get();
   StageSystems& systems = systems_of(mode, work);
-  right_.noalias() = h * (c.integrals * input);
+  const Collocation::Stages integrals = h * c.integrals;
+  const Eigen::Matrix<double, degree + 1, degree> from_stages = c.coefficients.rightCols<degree>();
+  multiply_columns(integrals, input, right_);
   left_ = right_;
   change_.setZero(degree, input.cols());
   // Twice: the eigenvectors of the Radau matrix are ill-conditioned, and solutions are known beside the largest state.
   for (int refined = 0; refined < 2; ++refined) {
     systems.solve(h, left_, part_);
     change_ += part_;
-    z.noalias() = c.coefficients.rightCols(degree) * change_;
+    multiply_columns(from_stages, change_, z);
     if (refined > 0) break;
-    part_.noalias() = h * (c.integrals * z);
+    multiply_columns(integrals, z, part_);
     left_ = right_ - change_;
-    left_.noalias() += part_ * mode.A.transpose();
+    if (input.cols() <= few)
+      left_ += part_.lazyProduct(mode.A.transpose());
+    else
+      left_.noalias() += part_ * mode.A.transpose();
   }
 }
 

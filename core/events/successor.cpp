@@ -20,6 +20,20 @@ constexpr double less_y = 1 - 1e-6;  ///< norms of y nearer to each other are eq
 // Lengths of short steps are powers of two: few, whose matrices are known.
 double short_length(double longest) { return std::exp2(std::floor(std::log2(longest))); }
 
+// The step of a candidate as long as it may be.
+template <class Candidate>
+void lengthen(EventSteps& steps, EventPoint& p, Candidate& candidate) {
+  EventPoint here = p;
+  here.x = candidate.x;
+  here.h = std::max(p.h, steps.usual_length());
+  EventStep step;
+  if (steps.resolve(*candidate.mode, here, step) && step.valid * step.length > candidate.lasts) {
+    candidate.lasts = step.valid * step.length;
+    candidate.step = std::move(step);
+  }
+  p.work = here.work;
+}
+
 }  // namespace
 
 Successor::Successor(const SystemMatrices& system, const EventSources& sources, ShortSteps& short_steps,
@@ -105,7 +119,8 @@ std::vector<Index> Successor::zero_rows(const EventStep& step) const {
   return rows;
 }
 
-// Where y is not unique, the set of the y of least norm of a short step, if it lasts and leads to the same state.
+// Where y is not unique, the set of the y of least norm of a short step, if it lasts and leads to the same state. What
+// is compared are steps as long as they may be: on shorter ones different solutions look alike.
 void Successor::prefer_least_norm(double h, bool y_is_known, EventPoint& p) {
   constexpr double share = 1e-3;
   const auto found = std::pair(best_.mode, zero_rows(best_.step));
@@ -116,16 +131,19 @@ void Successor::prefer_least_norm(double h, bool y_is_known, EventPoint& p) {
   const std::vector<Index> set = support_of(proposed.y);
   if (set == best_.mode->active) least_.insert(found);
   if (!tried_.insert(set).second) return;
-  const Candidate first = std::exchange(best_, {});
+  const SwitchedMode* mode = mode_of(set);
   const std::size_t impulses = impulses_.size();
   EventPoint here = p;
-  found_ = false;
-  const Entry entry = attempt(set, 0.5 * length, here);
+  here.h = std::max(p.h, steps_.usual_length());
+  EventStep step;
+  const bool smooth = mode && enter(*mode, here) == Entry::smooth && steps_.resolve(*mode, here, step);
   p.work = here.work;
   impulses_.resize(impulses);
-  const bool less = entry == Entry::smooth && found_ && best_.mean_y() < less_y * first.mean_y();
-  if (!less || !lead_to_the_same(best_, first, p)) best_ = first;
-  found_ = true;
+  const double lasts = step.valid * step.length;
+  if (!smooth || !(step.valid >= 1 || (lasts >= 0.5 * length && !step.at_once))) return;
+  Candidate other{mode, lasts, std::move(step), here.x, here.integral};
+  lengthen(steps_, p, best_);
+  if (other.mean_y() < less_y * best_.mean_y() && lead_to_the_same(other, best_, p)) best_ = std::move(other);
 }
 
 // The same among all active sets.
@@ -133,6 +151,7 @@ void Successor::prefer_least_of_all(EventPoint& p) {
   if (!best_.mode || system_.constraints() > most_enumerated) return;
   const auto found = std::pair(best_.mode, zero_rows(best_.step));
   if (least_.contains(found)) return;
+  lengthen(steps_, p, best_);
   for (Candidate& other : smooth_candidates(p)) {
     const bool lasts = other.lasts > brief * best_.lasts;
     if (lasts && other.mean_y() < less_y * best_.mean_y() && lead_to_the_same(other, best_, p))
@@ -228,10 +247,11 @@ std::vector<Successor::Candidate> Successor::smooth_candidates(EventPoint& p) {
   for (const std::vector<Index>& set : all_sets()) {
     const SwitchedMode* mode = mode_of(set);
     EventPoint here = p;
+    here.h = std::max(p.h, steps_.usual_length());
     EventStep step;
     const bool smooth = mode && enter(*mode, here) == Entry::smooth;
     impulses_.resize(before);
-    if (!smooth || !steps_.resolve_first(*mode, here, step)) continue;
+    if (!smooth || !steps_.resolve(*mode, here, step)) continue;
     const double lasts = step.valid * step.length;
     p.work = here.work;
     if (lasts > 4 * epsilon * T_ && !step.at_once)

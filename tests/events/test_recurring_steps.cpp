@@ -120,6 +120,29 @@ TEST(RecurringSteps, AreAsLongAsLines) {
   for (const std::size_t k : {1, 2}) EXPECT_NEAR(s.x(double(k), true)[0], known[k], 1e-9) << k;
 }
 
+// A state that follows the square within 1e-5: steps behind an edge begin as long as those behind the edge before could
+// be. An attempt takes two values of a line; a quarter of the attempts may be in vain, which are those behind the first
+// edges and where steps have grown too much. Steps that begin as long as the one before the edge take six more each.
+TEST(RecurringSteps, BeginAsLongAsTheyDidBefore) {
+  constexpr double rate = 1e5;
+  long evaluations = 0;
+  const TimeFunction f = [&evaluations](double t, Eigen::Ref<Vector> value) {
+    ++evaluations;
+    value << square(t), rate * square(t);
+  };
+  Scene scene = diode(LinearSource{f});
+  scene.dynamics = DenseDynamics{Matrix{{-1, 0}, {0, -rate}}, Matrix{{1}, {0}}, Matrix{{1, 0}}};
+  scene.x0 = Vector{{0.3, 0}};
+  const EventSolution s = integrate_with_events(scene, LcpClass::P, edges(), {});
+  ASSERT_TRUE(s.complete) << s.reason;
+  EXPECT_LT(double(evaluations), 1.25 * 2 * double(s.pieces.size()));
+  const std::vector<double> known = known_states();
+  for (int k = 1; k <= 2 * periods; ++k) {
+    EXPECT_NEAR(s.x(k, true)[0], known[std::size_t(k)], 1e-9) << k;
+    EXPECT_NEAR(s.x(k, true)[1], k % 2 == 1 ? 1 : -1, 1e-9) << k;
+  }
+}
+
 // The budget is asked with what is spent, and ends the integration.
 TEST(RecurringSteps, AskWhatTheyMaySpend) {
   const Scene scene = diode([](double t, Eigen::Ref<Vector> value) { value[0] = square(t); });
