@@ -25,6 +25,7 @@ template <class Candidate>
 void lengthen(EventSteps& steps, EventPoint& p, Candidate& candidate) {
   EventPoint here = p;
   here.x = candidate.x;
+  here.h = std::max(p.h, steps.usual_length());
   EventStep step;
   if (steps.resolve(*candidate.mode, here, step) && step.valid * step.length > candidate.lasts) {
     candidate.lasts = step.valid * step.length;
@@ -133,6 +134,7 @@ void Successor::prefer_least_norm(double h, bool y_is_known, EventPoint& p) {
   const SwitchedMode* mode = mode_of(set);
   const std::size_t impulses = impulses_.size();
   EventPoint here = p;
+  here.h = std::max(p.h, steps_.usual_length());
   EventStep step;
   const bool smooth = mode && enter(*mode, here) == Entry::smooth && steps_.resolve(*mode, here, step);
   p.work = here.work;
@@ -245,6 +247,7 @@ std::vector<Successor::Candidate> Successor::smooth_candidates(EventPoint& p) {
   for (const std::vector<Index>& set : all_sets()) {
     const SwitchedMode* mode = mode_of(set);
     EventPoint here = p;
+    here.h = std::max(p.h, steps_.usual_length());
     EventStep step;
     const bool smooth = mode && enter(*mode, here) == Entry::smooth;
     impulses_.resize(before);
