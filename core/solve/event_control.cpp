@@ -21,7 +21,7 @@ namespace {
 constexpr double first_tolerance = 1e-8;  ///< of the first integration at most, for the last coefficients of steps
 constexpr double first_share = 1e-4;      ///< of the tolerance, likewise
 constexpr double least_first = 1e-10;     ///< of the first integration at least, and where no tolerance is given
-constexpr double ratio = 1e-2;            ///< of the tolerances of two integrations
+constexpr double ratio = 1e-3;            ///< of the tolerances of two integrations
 constexpr double finest_tolerance = 1e-12, finest_first = 1e-11;
 constexpr double agreed = 0.8;             ///< of the tolerance
 constexpr double assumed = 1e-4;           ///< the tolerance where none is given
