@@ -19,8 +19,8 @@ constexpr double resolution = 64 * epsilon;  ///< of T: times of breakpoints
 
 constexpr double most_kept = 5e7;  ///< numbers in the matrices of all lengths, about
 constexpr Index most_constraints = 512;
-constexpr double of_jump =
-    0x1p-4;  ///< of a shortest part: the step in which the state may jump; M hides N B of shorter ones
+/// Of a shortest part: the step in which the state may jump. M hides N B of shorter ones.
+constexpr double of_jump = 0x1p-4;
 
 SparseMatrix entry_of_f(const Scene& scene) {
   if (scene.f_entry == SourceEntry::through_F) return scene.F;

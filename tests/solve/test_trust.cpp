@@ -226,7 +226,9 @@ TEST(Trust, JumpsOfTheStateByEveryMethod) {
       const TrueError error = true_error(s, truth, r);
       right += error.largest() <= tolerance;
       EXPECT_LE(error.largest(), 3 * tolerance) << "seed " << seed << ", " << to_string(method);
-      EXPECT_LE(error.largest(), 5 * *r.error_estimate + 1e-6) << "seed " << seed << ", " << to_string(method);
+      // Steps of march put a switch between two of their nodes. Half of them need not see where, within this share.
+      const double unseen = method == Method::march ? tolerance / 10 : 1e-6;
+      EXPECT_LE(error.largest(), 5 * *r.error_estimate + unseen) << "seed " << seed << ", " << to_string(method);
     }
   }
   EXPECT_GE(right, 4);
