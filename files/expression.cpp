@@ -1,6 +1,7 @@
 #include "files/expression.hpp"
 
 #include "core/base/error.hpp"
+#include "core/base/time_function.hpp"
 #include "files/formula.hpp"
 #include "files/mu_parser.hpp"
 #include "files/names.hpp"
@@ -27,6 +28,8 @@ constexpr const char* time_remedy = "only f, g, u, e, bound, definitions and exa
 
 /// Operations of formulas spent on the search for switch times: seconds at most.
 constexpr long most_work = 50'000'000;  ///< 1.6 million edges of pulses
+/// Functions of time up to which entries are sums of them: each value costs a product with this many columns.
+constexpr Index most_columns = 32;
 
 bool uses_time(std::string_view text) {
   const auto names = names_in(text);
@@ -236,15 +239,30 @@ Formula Expressions::formula(const std::string& text, const std::map<std::string
   return read_formula(spelled(text, where), parameters(), where, variables);
 }
 
+// Entries of one text are one function of time with a column of its own, and constants are a column of another: large
+// dynamics solve for columns, not for entries.
 TimeFunction Expressions::in_time(const std::vector<std::string>& texts) const {
   Vector constants = Vector::Zero(Index(texts.size()));
-  std::vector<std::pair<Index, std::string>> of_time;
+  std::map<std::string, std::vector<Index>> of_time;
   for (std::size_t i = 0; i < texts.size(); ++i)
     if (uses_time(texts[i]))
-      of_time.emplace_back(Index(i), texts[i]);
+      of_time[texts[i]].push_back(Index(i));
     else
       constants[Index(i)] = evaluated(texts[i], "expression");
-  return time_vector(std::move(constants), of_time, parameters(), implementation_->programs);
+  const Index constant = of_time.empty() || !constants.isZero(0) ? 1 : 0, columns = constant + Index(of_time.size());
+  const bool together = columns < constants.size() && columns <= most_columns;
+  Matrix shapes = Matrix::Zero(together ? constants.size() : 0, columns);
+  std::vector<std::pair<Index, std::string>> functions;
+  for (const auto& [text, rows] : of_time) {
+    const Index column = constant + Index(functions.size());
+    functions.emplace_back(together ? column : rows.front(), text);
+    if (together) shapes(rows, column).setOnes();
+  }
+  if (!together) return time_vector(std::move(constants), functions, parameters(), implementation_->programs);
+  if (constant == 1) shapes.col(0) = constants;
+  if (functions.empty()) return SeparableSource{std::move(shapes), one_at_all_times()};
+  return SeparableSource{std::move(shapes),
+                         time_vector(Vector::Ones(columns), functions, parameters(), implementation_->programs)};
 }
 
 SwitchTimes Expressions::switch_times(const std::vector<std::string>& texts, double T) const {

@@ -196,6 +196,20 @@ TEST_F(ExpressionTest, TimeEntriesMixWithConstants) {
   EXPECT_EQ(value, (Vector{{1e3, 1, 1002, 1, 1}}));
 }
 
+TEST_F(ExpressionTest, EntriesOfOneTextAreOneColumn) {
+  const TimeFunction f = expressions_.in_time({"R", "t", "0", "t", "2*t", "C"});
+  ASSERT_NE(f.separable(), nullptr);
+  EXPECT_EQ(f.separable()->shapes.cols(), 3);
+  Vector value(6);
+  f(0.75, value);
+  EXPECT_EQ(value, (Vector{{1e3, 0.75, 0, 0.75, 1.5, 1e-6}}));
+  const TimeFunction constants = expressions_.in_time({"R", "0", "C"});
+  ASSERT_NE(constants.separable(), nullptr);
+  EXPECT_TRUE(constants.linear());
+  EXPECT_EQ(constants.separable()->shapes, (Vector{{1e3, 0, 1e-6}}));
+  EXPECT_EQ(expressions_.in_time({"t", "2*t"}).separable(), nullptr);
+}
+
 TEST_F(ExpressionTest, ManyEntriesKeepTheirOrder) {
   // More text than one call of the parser takes.
   std::vector<std::string> texts;
