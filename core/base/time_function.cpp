@@ -22,6 +22,10 @@ void SeparableSource::operator()(double t, Eigen::Ref<Vector> value) const {
   a.setZero();
   time(t, a);
   value.noalias() = shapes * a;
+  if (a.allFinite()) return;
+  // A function that is not finite at t is no part of entries where its shape is zero.
+  value.setZero();
+  for (Index c = 0; c < shapes.cols(); ++c) value += (shapes.col(c).array() == 0).select(0, shapes.col(c) * a[c]);
 }
 
 namespace {
