@@ -2,6 +2,7 @@
 
 #include "core/host/stage_coefficients.hpp"
 #include "core/host/step_lcp.hpp"
+#include "core/scene/has_impacts.hpp"
 #include "core/scene/source_steps.hpp"
 
 #include <array>
@@ -17,6 +18,7 @@ constexpr double no_sign = 1e-9;             ///< of the largest y of a step: sm
 constexpr double not_acting = 1e-9;          ///< of the terms of N B
 constexpr double resolution = 64 * epsilon;  ///< of T: times of breakpoints
 
+constexpr double same_length = 1e-9;  ///< lengths that differ by rounding share their matrices
 constexpr double most_kept = 5e7;  ///< numbers in the matrices of all lengths, about
 constexpr Index most_constraints = 512;
 /// Of a shortest part: the step in which the state may jump. M hides N B of shorter ones.
@@ -97,9 +99,11 @@ struct RadauSteps::Family {
   explicit Family(const Scene& scene) : B(scene.dynamics->inputs()), N(scene.dynamics->outputs()) {}
   StepsOfLength<Scalar>& of(const LinearSystem& system, const Matrix& M, LcpClass c, double h) {
     const double size = double(B.rows() + 2 * B.cols());
+    const auto near = by_length.lower_bound((1 - same_length) * h);
+    if (near != by_length.end() && near->first <= (1 + same_length) * h) return *near->second;
     if (double(by_length.size()) * size * size > most_kept) by_length.clear();
     auto& kept = by_length[h];
-    if (!kept) kept = std::make_unique<StepsOfLength<Scalar>>(system, B, N, M, c, h);
+    kept = std::make_unique<StepsOfLength<Scalar>>(system, B, N, M, c, h);
     return *kept;
   }
   SparseMatrix B, N;
@@ -187,6 +191,7 @@ bool RadauSteps::take(const Part& p, const TreeRow& from, TreeRow& to) {
 std::string unsuited_to_radau_steps(const Scene& scene) {
   if (scene.boundary) return "the scene has boundary values";
   if (!scene.free_rows.empty()) return "the scene has free rows";
+  if (has_impacts(scene) || !scene.cones.empty()) return "impacts and circles of friction have steps of their own";
   if (scene.constraints() > most_constraints) return "each length of a step has its own matrix of all constraints";
   if (scene.dynamics->modes()) return "a Kronecker sum is marched by weights";
   const SparseMatrix B = scene.dynamics->rates_of_inputs(scene.T / double(scene.steps())),

@@ -97,11 +97,13 @@ void sample(const Scene& given, Backend& backend, const Result& result, const st
   }
   if (between.empty()) return;
   const Matrix before = states_before(scene, backend, result, there);
+  RowsBetween rows(scene, backend, h);
   for (std::size_t i = 0; i < between.size(); ++i) {
     check_interruption();
     const Place& at = there[i];
     const double t = double(at.row) * h, s = at.part * h;
-    if (bends.inside(at.row) && sample_by_a_step(scene, backend, t, s, before.col(Index(i)), between[i], sampled))
+    if (bends.inside(at.row) &&
+        rows.take(t, before.col(Index(i)), result.y.row(at.row).transpose(), s, between[i], sampled))
       continue;
     const Vector x = carried(scene, backend, result.y, before.col(Index(i)), t, s, at);
     sampled.x.row(between[i]) = x(result.x_components);
@@ -163,6 +165,7 @@ void sample_intervals(const Scene& given, Backend& backend, const Result& result
   if (whole.t.size() != result.t.size() || whole.t != result.t) whole = result;
   const bool known = Index(whole.x_components.size()) == scene.states() && whole.x.rows() == whole.t.size();
   const GalerkinOutput output = galerkin_at(scene, whole, there);
+  RowsBetween rows(scene, backend, scene.T / double(result.t.size() - 1));
   for (std::size_t i = 0; i < between.size(); ++i) {
     check_interruption();
     const Index k = interval_at(result.t, there[i]);
@@ -174,8 +177,8 @@ void sample_intervals(const Scene& given, Backend& backend, const Result& result
     const bool bends = any_inside(scene.breakpoints, result.t[k], result.t[k + 1]) ||
                        ((result.y_left.row(k).array() > 0) != (result.y.row(k + 1).array() > 0)).any();
     if (known && bends && scene.dynamics->small_state() && whole.x.row(k).allFinite())
-      sample_by_a_step(scene, backend, result.t[k], there[i] - result.t[k], whole.x.row(k).transpose(), between[i],
-                       sampled);
+      rows.take(result.t[k], whole.x.row(k).transpose(), result.y.row(k).transpose(), there[i] - result.t[k],
+                between[i], sampled);
   }
 }
 

@@ -91,15 +91,32 @@ bool by_steps(const Scene& scene, const Result& result) {
   return !result.continuous || result.method == Method::euler || (stepped && !result.x_components.empty());
 }
 
-bool sample_by_a_step(const Scene& scene, Backend& backend, double t, double s, const Vector& x, Index k,
-                      Result& sampled) {
+RowsBetween::RowsBetween(const Scene& scene, Backend& backend, double h) : scene_(scene), backend_(backend) {
+  if (scene.dynamics->small_state() && unsuited_to_radau_steps(scene).empty()) steps_.emplace(scene, h);
+}
+
+bool RowsBetween::take(double t, const Vector& x, const Vector& y, double s, Index k, Result& sampled) {
+  return by_steps(t, x, y, s, k, sampled) || march(t, x, s, k, sampled);
+}
+
+bool RowsBetween::by_steps(double t, const Vector& x, const Vector& y, double s, Index k, Result& sampled) {
+  const TreeRow* row = steps_ ? steps_->at(t, x, y, s) : nullptr;
+  if (!row) return false;
+  sampled.y.row(k) = row->y.transpose();
+  sampled.y_integral.row(k) = row->integral.transpose();
+  sampled.x.row(k) = row->x(sampled.x_components);
+  if (sampled.trace.cols() > 0) sampled.trace.row(k) = observe(scene_.dynamics, row->x).transpose();
+  return true;
+}
+
+bool RowsBetween::march(double t, const Vector& x, double s, Index k, Result& sampled) {
   InnerOptions options;
   options.method = Method::march;
-  options.steps = steps_between(scene, options.method);
+  options.steps = steps_between(scene_, options.method);
   options.states = StateSelection::all;
   options.trace = sampled.trace.cols() > 0;
   options.confirm = false;
-  const Result one = solve_on_steps(from_solution(scene, t, s, x), backend, options);
+  const Result one = solve_on_steps(from_solution(scene_, t, s, x), backend_, options);
   if (one.status != Status::solved || !one.continuous) return false;
   take_end(one, k, sampled);
   return true;
@@ -120,6 +137,8 @@ void sample_by_steps(const Scene& given, Backend& backend, const Result& result,
   options.states = StateSelection::all;
   options.trace = sampled.trace.cols() > 0;
   options.confirm = false;
+  std::optional<RowsBetween> rows;
+  if (options.method == Method::march) rows.emplace(scene, backend, h);
   Index next = 0;
   for (Index k = 0; k < Index(places.size()); ++k) {
     check_interruption();
@@ -133,6 +152,7 @@ void sample_by_steps(const Scene& given, Backend& backend, const Result& result,
     }
     const Vector x = recorded ? Vector(result.x.row(at.row)) : Vector(before.col(next++));
     if (!x.allFinite() || !result.y.row(at.row + 1).allFinite()) continue;
+    if (rows && rows->by_steps(double(at.row) * h, x, result.y.row(at.row).transpose(), at.part * h, k, sampled)) continue;
     // The layer behind a breakpoint may have begun in the step before, and has parts here as it has there.
     const double begin = double(at.row) * h, length = at.part * h;
     const auto edge = std::lower_bound(scene.breakpoints.begin(), scene.breakpoints.end(), begin - h);

@@ -1,11 +1,13 @@
 #pragma once
 // Rows between the time points of a result by steps from the time point before.
 
+#include "../adapted/steps_between.hpp"
 #include "../base/types.hpp"
 #include "../result/result.hpp"
 #include "../scene/scene.hpp"
 #include "../seam/backend.hpp"
 
+#include <optional>
 #include <vector>
 
 namespace bromwich {
@@ -29,8 +31,25 @@ bool by_steps(const Scene&, const Result&);
 /// and the integral of y from there.
 void sample_by_steps(const Scene&, Backend&, const Result&, const std::vector<Place>&, Result& sampled);
 
-/// Row k, and the integral of y over the step, by a march over the length s that is left, from the state x at the time
-/// point t before. False if it is not solved.
-bool sample_by_a_step(const Scene&, Backend&, double t, double s, const Vector& x, Index k, Result& sampled);
+/// Rows between the time points of a march, each from the time point before: by shorter steps whose matrices are kept
+/// where they suit, otherwise by a march of its own.
+class RowsBetween {
+ public:
+  /// Steps of length h. Scene and backend have to outlive the object.
+  RowsBetween(const Scene&, Backend&, double h);
+
+  /// Row k, and the integral of y over the step so far, s behind the time point t with the state x and y. False: it is not
+  /// solved.
+  bool take(double t, const Vector& x, const Vector& y, double s, Index k, Result& sampled);
+  /// The same by kept steps alone.
+  bool by_steps(double t, const Vector& x, const Vector& y, double s, Index k, Result& sampled);
+
+ private:
+  bool march(double t, const Vector& x, double s, Index k, Result& sampled);
+
+  const Scene& scene_;
+  Backend& backend_;
+  std::optional<StepsBetween> steps_;
+};
 
 }  // namespace bromwich
