@@ -19,7 +19,7 @@ constexpr double not_acting = 1e-9;          ///< of the terms of N B
 constexpr double resolution = 64 * epsilon;  ///< of T: times of breakpoints
 
 constexpr double same_length = 1e-9;  ///< lengths that differ by rounding share their matrices
-constexpr double most_kept = 5e7;  ///< numbers in the matrices of all lengths, about
+constexpr double most_kept = 5e7;     ///< numbers in the matrices of all lengths, about
 constexpr Index most_constraints = 512;
 /// Of a shortest part: the step in which the state may jump. M hides N B of shorter ones.
 constexpr double of_jump = 0x1p-4;

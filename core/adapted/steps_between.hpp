@@ -14,8 +14,8 @@ class StepsBetween {
   /// `h`: of the steps of the march. The scene, which Radau steps suit, has to outlive the object.
   StepsBetween(const Scene&, double h);
 
-  /// The row at begin + s, 0 < s <= h, from x and y at the time point `begin`; its integral of y is that from there. With
-  /// the same begin and a larger s than last time the steps go on from there. Null: a step has no solution.
+  /// The row at begin + s, 0 < s <= h, from x and y at the time point `begin`; its integral of y is that from there.
+  /// With the same begin and a larger s than last time the steps go on from there. Null: a step has no solution.
   const TreeRow* at(double begin, const Vector& x, const Vector& y, double s);
 
  private:

@@ -152,7 +152,8 @@ void sample_by_steps(const Scene& given, Backend& backend, const Result& result,
     }
     const Vector x = recorded ? Vector(result.x.row(at.row)) : Vector(before.col(next++));
     if (!x.allFinite() || !result.y.row(at.row + 1).allFinite()) continue;
-    if (rows && rows->by_steps(double(at.row) * h, x, result.y.row(at.row).transpose(), at.part * h, k, sampled)) continue;
+    if (rows && rows->by_steps(double(at.row) * h, x, result.y.row(at.row).transpose(), at.part * h, k, sampled))
+      continue;
     // The layer behind a breakpoint may have begun in the step before, and has parts here as it has there.
     const double begin = double(at.row) * h, length = at.part * h;
     const auto edge = std::lower_bound(scene.breakpoints.begin(), scene.breakpoints.end(), begin - h);

@@ -38,8 +38,8 @@ class RowsBetween {
   /// Steps of length h. Scene and backend have to outlive the object.
   RowsBetween(const Scene&, Backend&, double h);
 
-  /// Row k, and the integral of y over the step so far, s behind the time point t with the state x and y. False: it is not
-  /// solved.
+  /// Row k, and the integral of y over the step so far, s behind the time point t with the state x and y. False: it is
+  /// not solved.
   bool take(double t, const Vector& x, const Vector& y, double s, Index k, Result& sampled);
   /// The same by kept steps alone.
   bool by_steps(double t, const Vector& x, const Vector& y, double s, Index k, Result& sampled);
