@@ -70,14 +70,12 @@ RowMatrix galerkin_coefficients(const Result& r) {
 }
 
 GalerkinOutput galerkin_at(const Scene& scene, const Result& r, const std::vector<double>& times) {
-  const Index n = r.y_left.cols();
+  const Index n = r.y_left.cols(), rows = Index(times.size());
   if (!r.y_left.row(0).allFinite()) {  // nothing was found, and the states may be too many to write out
-    const Index rows = Index(times.size());
     const RowMatrix unknown = RowMatrix::Constant(rows, n, NAN);
     return {unknown, unknown, RowMatrix::Constant(rows, scene.states(), NAN)};
   }
   const RowMatrix states = states_at_nodes(scene, r);
-  const Index rows = Index(times.size());
   GalerkinOutput out{RowMatrix(rows, n), RowMatrix::Zero(rows, n), RowMatrix(rows, states.cols())};
   for (std::size_t i = 0; i < times.size(); ++i) {
     const Index row = Index(i), k = interval_at(r.t, times[i]), node = node_at(r.t, times[i]);

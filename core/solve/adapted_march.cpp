@@ -31,7 +31,7 @@ TreeGoal goal_of(const Scene& scene, const InnerOptions& options, const Result& 
   goal.y = tolerances.y;
   goal.x = tolerances.x;
   goal.sizes = sizes_of_all_states(scene, options);
-  goal.y_may_jump = !has_one_solution(known_class(scene.M, scene.lcp_class));
+  goal.y_may_jump = !is_continuous(known_class(scene.M, scene.lcp_class));
   goal.impulse = first.starts_with_impulse;
   const double largest = integral_of_y(first).bottomRows(first.steps).cwiseAbs().maxCoeff() / scene.T;
   goal.rounding_of_y = relative(first.rounding_of_y, goal.sizes.of_y(first)) / double(first.steps);
