@@ -18,8 +18,8 @@ constexpr double no_sign = 1e-9;             ///< of the largest y of a step: sm
 constexpr double not_acting = 1e-9;          ///< of the terms of N B
 constexpr double resolution = 64 * epsilon;  ///< of T: times of breakpoints
 
-constexpr double same_length = 1e-9;  ///< lengths that differ by rounding share their matrices
-constexpr double most_kept = 5e7;     ///< numbers in the matrices of all lengths, about
+constexpr double same_length = 4 * epsilon;  ///< of T: lengths that differ by rounding share their matrices
+constexpr double most_kept = 5e7;            ///< numbers in the matrices of all lengths, about
 constexpr Index most_constraints = 512;
 /// Of a shortest part: the step in which the state may jump. M hides N B of shorter ones.
 constexpr double of_jump = 0x1p-4;
@@ -96,17 +96,19 @@ struct StepsOfLength {
 
 template <class Scalar>
 struct RadauSteps::Family {
-  explicit Family(const Scene& scene) : B(scene.dynamics->inputs()), N(scene.dynamics->outputs()) {}
+  explicit Family(const Scene& scene)
+      : B(scene.dynamics->inputs()), N(scene.dynamics->outputs()), rounding(same_length * scene.T) {}
   StepsOfLength<Scalar>& of(const LinearSystem& system, const Matrix& M, LcpClass c, double h) {
     const double size = double(B.rows() + 2 * B.cols());
-    const auto near = by_length.lower_bound((1 - same_length) * h);
-    if (near != by_length.end() && near->first <= (1 + same_length) * h) return *near->second;
+    const auto near = by_length.lower_bound(h - rounding);
+    if (near != by_length.end() && near->first <= h + rounding) return *near->second;
     if (double(by_length.size()) * size * size > most_kept) by_length.clear();
     auto& kept = by_length[h];
     kept = std::make_unique<StepsOfLength<Scalar>>(system, B, N, M, c, h);
     return *kept;
   }
   SparseMatrix B, N;
+  double rounding;  ///< of a length
   std::map<double, std::unique_ptr<StepsOfLength<Scalar>>> by_length;
 };
 
