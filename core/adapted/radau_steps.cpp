@@ -5,6 +5,7 @@
 #include "core/scene/has_impacts.hpp"
 #include "core/scene/source_steps.hpp"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <map>
@@ -18,8 +19,9 @@ constexpr double no_sign = 1e-9;             ///< of the largest y of a step: sm
 constexpr double not_acting = 1e-9;          ///< of the terms of N B
 constexpr double resolution = 64 * epsilon;  ///< of T: times of breakpoints
 
-constexpr double same_length = 4 * epsilon;  ///< of T: lengths that differ by rounding share their matrices
-constexpr double most_kept = 5e7;            ///< numbers in the matrices of all lengths, about
+// Lengths that differ by rounding share their matrices: of T, and of the length itself.
+constexpr double rounding_of_times = 4 * epsilon, same_length = 1e-11;
+constexpr double most_kept = 5e7;  ///< numbers in the matrices of all lengths, about
 constexpr Index most_constraints = 512;
 /// Of a shortest part: the step in which the state may jump. M hides N B of shorter ones.
 constexpr double of_jump = 0x1p-4;
@@ -97,18 +99,19 @@ struct StepsOfLength {
 template <class Scalar>
 struct RadauSteps::Family {
   explicit Family(const Scene& scene)
-      : B(scene.dynamics->inputs()), N(scene.dynamics->outputs()), rounding(same_length * scene.T) {}
+      : B(scene.dynamics->inputs()), N(scene.dynamics->outputs()), rounding(rounding_of_times * scene.T) {}
   StepsOfLength<Scalar>& of(const LinearSystem& system, const Matrix& M, LcpClass c, double h) {
     const double size = double(B.rows() + 2 * B.cols());
-    const auto near = by_length.lower_bound(h - rounding);
-    if (near != by_length.end() && near->first <= h + rounding) return *near->second;
+    const double same = std::min(rounding, same_length * h);
+    const auto near = by_length.lower_bound(h - same);
+    if (near != by_length.end() && near->first <= h + same) return *near->second;
     if (double(by_length.size()) * size * size > most_kept) by_length.clear();
     auto& kept = by_length[h];
     kept = std::make_unique<StepsOfLength<Scalar>>(system, B, N, M, c, h);
     return *kept;
   }
   SparseMatrix B, N;
-  double rounding;  ///< of a length
+  double rounding;  ///< of times
   std::map<double, std::unique_ptr<StepsOfLength<Scalar>>> by_length;
 };
 
