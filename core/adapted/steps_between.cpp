@@ -1,21 +1,94 @@
 #include "core/adapted/steps_between.hpp"
 
-#include "core/lcp/lcp_class.hpp"
+#include "core/adapted/radau_steps.hpp"
+#include "core/host/step_lcp.hpp"
 
 #include <algorithm>
-#include <cmath>
+#include <utility>
 
 namespace bromwich {
 
 namespace {
 
 constexpr double parts_of_step = 8;
-constexpr double same_time = 1e-12;  ///< of T
+constexpr double equal_times = 1e-12;    ///< of T
+constexpr double equal_lengths = 1e-11;  ///< lengths that differ by rounding share their matrices
+constexpr double most_numbers = 5e7;     ///< in the matrices of all lengths, about
 
 }  // namespace
 
+// A step with y linear, or the same at all its times.
+struct StepsBetween::OfLength {
+  OfLength(const PartWeights& given, const Matrix& N, const Matrix& M) : w(given) {
+    const Index n = M.rows();
+    Matrix none = Matrix::Zero(2 * n, 2 * n), whole = none;
+    for (Index i = 0; i < 2; ++i) {
+      none.block(i * n, i * n, n, n) = M;
+      whole.middleRows(i * n, n) = N * w.drive[std::size_t(i)];
+    }
+    linear = std::make_unique<host::StepLcp>(none + whole, M, LcpClass::unknown, none);
+    of_one = w.drive[1].leftCols(n) + w.drive[1].rightCols(n);
+    constant = std::make_unique<host::StepLcp>(M + N * of_one, M, LcpClass::unknown, M);
+  }
+
+  PartWeights w;
+  Matrix of_one;  ///< m x n: what y, the same at all times, does to x
+  std::unique_ptr<host::StepLcp> linear, constant;
+};
+
 StepsBetween::StepsBetween(const Scene& scene, double h)
-    : scene_(scene), h_(h), same_time_(same_time * scene.T), steps_(scene, known_class(scene.M, scene.lcp_class)) {}
+    : scene_(scene),
+      d_(*scene.dynamics->small_state()),
+      M_(to_dense(scene.M)),
+      h_(h),
+      same_time_(equal_times * scene.T),
+      sources_(scene) {}
+
+StepsBetween::~StepsBetween() = default;
+
+bool StepsBetween::suit(const Scene& scene) {
+  const DenseDynamics* d = scene.dynamics->small_state();
+  return d && d->E.size() == 0 && unsuited_to_radau_steps(scene).empty();
+}
+
+StepsBetween::OfLength& StepsBetween::of(double length) {
+  const double same = equal_lengths * length, size = double(d_.A.rows() + 2 * M_.rows());
+  const auto near = kept_.lower_bound(length - same);
+  if (near != kept_.end() && near->first <= length + same) return *near->second;
+  if (!weights_ || double(kept_.size()) * 8 * size * size > most_numbers) {
+    kept_.clear();
+    weights_ = std::make_unique<PartWeightsFamily>(d_.A, d_.B, d_.N, M_, sources_.has_f());
+  }
+  return *(kept_[length] = std::make_unique<OfLength>(weights_->of(length), d_.N, M_));
+}
+
+bool StepsBetween::take(const Part& p) {
+  OfLength& step = of(p.length);
+  const Index n = M_.rows();
+  const PartSources f = sources_.on(p);
+  std::array<Vector, 2> x;
+  Vector q(2 * n), Y = Vector::Zero(2 * n);
+  for (std::size_t i = 0; i < 2; ++i) {
+    x[i] = step.w.decay[i] * row_.x;
+    for (std::size_t k = 0; k < 3 && sources_.has_f(); ++k) x[i] += step.w.input[i][k] * f.f[k];
+    q.segment(Index(i) * n, n) = d_.N * x[i] + f.g[i];
+  }
+  if (!q.allFinite()) return false;
+  const bool jumps = is_shortest(p);
+  if ((q.array() < 0).any()) {
+    host::StepLcp& lcp = jumps ? *step.constant : *step.linear;
+    if (!lcp.well_posed()) lcp.start_from(jumps ? row_.y : Vector(row_.y.replicate(2, 1)));
+    MarchReport report;
+    Vector y = Vector::Zero(jumps ? n : 2 * n);
+    if (!lcp.solve(jumps ? Vector(q.tail(n)) : q, y, 0, report)) return false;
+    Y = jumps ? Vector(y.replicate(2, 1)) : y;
+    x[1] += step.w.drive[1] * Y;
+  }
+  row_.x = x[1];
+  row_.y = Y.tail(n);
+  row_.integral += p.length * (0.75 * Y.head(n) + 0.25 * Y.tail(n));
+  return true;
+}
 
 bool StepsBetween::breaks_in(double from, double until) const {
   const std::vector<double>& breaks = scene_.breakpoints;
@@ -35,9 +108,7 @@ bool StepsBetween::pass(double a, double b, bool layer) {
     part.length = (layer ? end - begin : most) * length;
     part.from = a + begin * length;
     part.to = end == 1 ? b : a + end * length;
-    TreeRow to;
-    if (!steps_.take(part, row_, to)) return false;
-    row_ = std::move(to);
+    if (!take(part)) return false;
     begin = end;
   }
   return true;

@@ -92,7 +92,7 @@ bool by_steps(const Scene& scene, const Result& result) {
 }
 
 RowsBetween::RowsBetween(const Scene& scene, Backend& backend, double h) : scene_(scene), backend_(backend) {
-  if (scene.dynamics->small_state() && unsuited_to_radau_steps(scene).empty()) steps_.emplace(scene, h);
+  if (StepsBetween::suit(scene)) steps_.emplace(scene, h);
 }
 
 bool RowsBetween::take(double t, const Vector& x, const Vector& y, double s, Index k, Result& sampled) {
