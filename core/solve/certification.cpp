@@ -45,14 +45,19 @@ bool has_rational_steps(Method method, const Result& result) {
   return by_euler(method, result) || (!result.continuous && !result.impacts);
 }
 
-// The rounding error of M y for a large y, as in a step with an impulse.
-double rounding_of_w(const DiscreteProblem& p, const Result& result) {
+// The rounding error of w for large terms of it: of M y in a step with an impulse, of N x where x grows along a
+// constraint. `x`: of all rows, or none.
+double rounding_of_w(const DiscreteProblem& p, const Result& result, const RowMatrix& x) {
   const auto* M = std::get_if<Matrix>(&p.scene.M);
   if (!M || result.y.size() == 0 || result.continuous) return 0;
+  const Matrix of_x = x.rows() == result.y.rows() ? Matrix(p.small_state()->N.cwiseAbs().transpose()) : Matrix();
   double largest = 0;
-  for (Index j = 0; j < result.y.rows(); ++j)
-    if (result.y.row(j).allFinite()) largest = std::max(largest, result.y.row(j).cwiseAbs().maxCoeff());
-  return 64 * epsilon * M->cwiseAbs().rowwise().sum().maxCoeff() * largest;
+  for (Index j = 0; j < result.y.rows(); ++j) {
+    RowMatrix terms = result.y.row(j).cwiseAbs() * M->cwiseAbs().transpose();
+    if (of_x.size() > 0) terms += x.row(j).cwiseAbs() * of_x;
+    if (terms.allFinite()) largest = std::max(largest, terms.maxCoeff());
+  }
+  return 64 * epsilon * largest;
 }
 
 void demote(Result& result, const std::string& reason) {
@@ -86,7 +91,8 @@ double residual_limit(bool iterated, const Result& result, const Options& option
 void Certification::certify(Method method, Result& result) {
   const DiscreteProblem& p = methods_.problem();
   if (!(result.residual <= residual_limit(iterates(method), result, options_)) &&
-      !(result.residual <= rounding_of_w(p, result)))
+      !(result.residual <=
+        rounding_of_w(p, result, p.small_state() ? methods_.all_states(method, result) : RowMatrix())))
     return demote(result, "the residual is above the limit for a solution");
   if (method != Method::contour_literal && result.kernel_error > most_kernel_error)
     return demote(result, text("the weights of the kernel are known only to %.1e: use other steps, or method euler",

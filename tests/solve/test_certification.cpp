@@ -328,6 +328,21 @@ TEST(Certificate, ManyJumpsInAStepAreDoubted) {
   EXPECT_GT(std::abs(voltage(Method::euler, 50, true) - right), 0.05 * right) << "no reason to doubt";
 }
 
+// x1 = x2 = e^{5t}, y = 5 e^{5t}: the terms of w = x2 - x1 grow to 7e10 and cancel to rounding.
+TEST(Certificate, LargeTermsOfWCancel) {
+  Scene scene;
+  scene.dynamics = DenseDynamics{Matrix{{5, 0}, {0, 0}}, Matrix{{0}, {1}}, Matrix{{-1, 1}}};
+  scene.M = Matrix{{0}};
+  scene.x0 = Vector::Ones(2);
+  scene.T = 5;
+  Options options = options_for(Method::march, 1600);
+  options.states = StateSelection::all;
+  const Result r = run(scene, options);
+  EXPECT_EQ(r.status, Status::solved) << r.reason;
+  const double h = scene.T / 1600;  // Radau IIA: the growth of an error of (5h)^4 / 72 in each step, 1600 times
+  EXPECT_LE(std::abs(r.x(1600, 1) / std::exp(25) - 1), 1600 * std::pow(5 * h, 4) / 72 * 1.1);
+}
+
 // A stiff state, x1' = k (x2 - x1 + y), x2' = k (x1 - x2) - x2, pushed onto x1 >= 1 within 1 / k: linear y on the first
 // interval throws it to twice that.
 TEST(Certificate, GalerkinIsToldWhereTheStateIsFast) {
