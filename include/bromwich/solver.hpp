@@ -25,10 +25,10 @@ Matrix states_at(const Scene&, Backend&, const Result&, const std::vector<Index>
 //
 //     x(t_j + s) = e^{sA} x_j + ∫_0^s e^{(s-r)A} (B y(t_j + r) + f(t_j + r)) dr,
 //
-// by one step of the discretisation itself. Where y is no line (a constraint switches in the step, or a source jumps or
-// has a kink), the problem of a step of length s from x_j is solved. So it is if y may jump from step to step (M
-// singular, implicit Euler), and for x of sparse dynamics. Results with located
-// switches keep the polynomials between them, and nothing is solved again.
+// by one step of the discretisation itself. Small dense states go on from x_j in steps of an eighth of h, with
+// complementarity at the nodes of each. Otherwise, where a constraint switches in the step, a source jumps or y may
+// jump (M singular, implicit Euler), and for x of sparse dynamics, the problem of a step of length s is solved.
+// Results with located switches keep the polynomials between them, and nothing is solved again.
 
 /// The result with rows at `times` instead of its time points: t, y, the recorded components of x, and N x if it is
 /// recorded. Rows after the end of the result are NaN; so is N x between time points if no x is recorded or the scene
