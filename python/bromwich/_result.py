@@ -185,10 +185,11 @@ class Result(Rows):
         return Result(self._answer.at(self._times(t)), self._scene)
 
     def _integral_of_y(self, start: float, end: float) -> np.ndarray | None:
-        if self.continuous:
-            return None
         first, last = self.at([start, end]).y_integral
-        return last - first
+        return last - first if np.all(np.isfinite(last - first)) else None
+
+    def _pieces(self) -> list[float]:
+        return self._answer.piece_begins()
 
     def __getitem__(self, name: str) -> np.ndarray:
         """An output of a circuit at the rows: ``r["V(out)"]``, ``r["V(a,b)"]``, ``r["I(L1)"]``, the power ``r["P(R1)"]`` that an

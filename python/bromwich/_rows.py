@@ -196,9 +196,10 @@ class Rows:
         save(self, path)
 
     def mean(self, name: str, start: float | None = None, end: float | None = None) -> float:
-        """The mean of a component over [start, end], by quadrature of high order between rows, switches and breakpoints (:meth:`at`).
+        """The mean of a component over [start, end], by adaptive quadrature of high order between rows, switches and breakpoints
+        (:meth:`at`).
 
-        Where y jumps its mean is that of :attr:`Result.y_integral`: impulses count, those of a contact force at impacts.
+        The mean of y is that of :attr:`Result.y_integral`: impulses count, those of a contact force at impacts.
 
         Args:
             name: of the component, or ``"x0"``, ``"y0"``, ``"w0"``.
@@ -233,6 +234,10 @@ class Rows:
     def _integral_of_y(self, start: float, end: float) -> np.ndarray | None:
         """Of each component over [start, end], with impulses; None where there are none, or they are not known."""
         return None
+
+    def _pieces(self) -> list[float]:
+        """When the polynomials of a located solution begin; empty for others."""
+        return []
 
     def _times(self, t: Any) -> list[float]:
         """The times that ``at`` is given, checked."""

@@ -5,6 +5,7 @@
 #include "calls.hpp"
 #include "core/base/error.hpp"
 #include "core/result/estimated_quantity.hpp"
+#include "core/result/located_solution.hpp"
 #include "core/result/slack.hpp"
 #include "core/result/switching.hpp"
 #include "core/solve/dense_output.hpp"
@@ -165,6 +166,13 @@ void bind_results(nb::module_& m) {
              auto* values = new RowMatrix(integral_of_y(a.result));
              const nb::capsule owner(values, [](void* p) noexcept { delete static_cast<RowMatrix*>(p); });
              return view(*values, owner);
+           })
+      .def("piece_begins",
+           [](const Answer& a) {
+             std::vector<double> begins;
+             if (a.result.located)
+               for (const EventPiece& piece : a.result.located->pieces) begins.push_back(piece.begin);
+             return begins;
            })
       .def_prop_ro("residual", value_of<&Result::residual>())
       .def_prop_ro("boundary_residual", value_of<&Result::boundary_residual>())
