@@ -189,7 +189,7 @@ class Result(Rows):
         return last - first if np.all(np.isfinite(last - first)) else None
 
     def _pieces(self) -> list[float]:
-        return self._answer.piece_begins()
+        return getattr(self._answer, "piece_begins", list)()  # not of files
 
     def __getitem__(self, name: str) -> np.ndarray:
         """An output of a circuit at the rows: ``r["V(out)"]``, ``r["V(a,b)"]``, ``r["I(L1)"]``, the power ``r["P(R1)"]`` that an
