@@ -46,6 +46,22 @@ def test_means_of_forces_have_the_impulses_of_impacts(options):
         assert r.mean("y0", start, end) == pytest.approx(gravity + (v[1] - v[0]) / (end - start), abs=1e-9)
 
 
+@pytest.mark.parametrize("options", [{}, dict(method="events", steps=20), dict(method="march", steps=50)])
+@pytest.mark.parametrize("rate", [20.0, 2e5])
+def test_of_layers_far_shorter_than_a_row(rate, options):
+    """x = e^{-rate t}, never in contact."""
+    r = bromwich.solve(A=-rate, B=1, N=1, M=0, x0=1, T=1, **options)
+    assert r.mean("x0") == pytest.approx((1 - np.exp(-rate)) / rate, rel=1e-8)
+    assert r.rms("x0") == pytest.approx(np.sqrt((1 - np.exp(-2 * rate)) / (2 * rate)), rel=1e-8)
+
+
+@pytest.mark.parametrize("method", ["auto", "events", "march", "euler", "multigrid", "dual"])
+def test_means_have_the_impulse_of_a_start_beyond_a_constraint(method):
+    """x' = -1 + y from -1 onto x >= 0: an impulse of 1, and y = 1 from then on."""
+    r = bromwich.solve(A=0, B=1, N=1, M=0, f="-1", x0=-1, T=2, steps=200, method=method)
+    assert r.mean("y0") == pytest.approx(3 / 2, abs=1e-9)
+
+
 def test_wrong_names_and_times():
     r = oscillator(steps=20)
     with pytest.raises(bromwich.Error, match=r"name: found 'vv' \(did you mean 'v'\?\)"):
