@@ -54,10 +54,10 @@ Vector Stencil::eigenvalues() const {
   for (std::size_t d = 0; d < extents.size(); ++d) {
     const Vector before = sums;
     const Index n = extents[d];
+    Vector own(n);
+    for (Index l = 0; l < n; ++l) own[l] = 2 * beside[d] * std::cos(std::numbers::pi * double(l + 1) / double(n + 1));
     sums.resize(before.size() * n);
-    for (Index i = 0; i < before.size(); ++i)
-      for (Index l = 0; l < n; ++l)
-        sums[i * n + l] = before[i] + 2 * beside[d] * std::cos(std::numbers::pi * double(l + 1) / double(n + 1));
+    for (Index i = 0; i < before.size(); ++i) sums.segment(i * n, n) = own.array() + before[i];
   }
   return sums;
 }

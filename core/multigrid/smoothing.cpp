@@ -5,7 +5,8 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
-#include <numeric>
+#include <utility>
+#include <vector>
 
 namespace bromwich {
 
@@ -58,17 +59,33 @@ Row sum_of_weights(const Sample& r, Index steps) {
   return sum;
 }
 
+// `count` modes from the smoothest to the roughest one: those at equally spaced ranks, found without sorting all.
+std::vector<Index> spread(const Vector& values, Index count) {
+  const Index n = values.size();
+  std::vector<std::pair<double, Index>> order;
+  for (Index l = 0; l < n; ++l) order.emplace_back(values[l], l);
+  const auto rank = [&](Index i) { return i > 0 ? i * (n - 1) / (count - 1) : 0; };
+  // Ranks from .. to - 1 are among the places first .. last - 1.
+  const auto place = [&](const auto& self, Index from, Index to, Index first, Index last) -> void {
+    if (from == to) return;
+    const Index middle = (from + to) / 2, at = rank(middle);
+    std::nth_element(order.begin() + first, order.begin() + at, order.begin() + last);
+    self(self, from, middle, first, at);
+    self(self, middle + 1, to, at + 1, last);
+  };
+  place(place, 0, count, 0, n);
+  std::vector<Index> found;
+  for (Index i = 0; i < count; ++i) found.push_back(order[std::size_t(rank(i))].second);
+  return found;
+}
+
 }  // namespace
 
 std::optional<Smoothing> best_smoothing(const LcpMatrix& matrix, const ModalRecurrence& r, Index steps, double useful) {
   const std::optional<Vector> all = eigenvalues(matrix, r.basis());
   if (!all) return std::nullopt;
   const Index n = all->size(), modes = std::min(n, most_modes);
-  // From the smoothest mode to the roughest one.
-  std::vector<Index> order(std::size_t(n), 0), l(std::size_t(modes), 0);
-  std::iota(order.begin(), order.end(), Index(0));
-  std::stable_sort(order.begin(), order.end(), [&](Index a, Index b) { return (*all)[a] < (*all)[b]; });
-  for (Index i = 0; i < modes; ++i) l[std::size_t(i)] = order[std::size_t(i > 0 ? i * (n - 1) / (modes - 1) : 0)];
+  const std::vector<Index> l = spread(*all, modes);
   const Row M = (*all)(l).transpose();
   const Sample sample{r.w0(l), r.w1(l), r.decay(Eigen::all, l), r.output(Eigen::all, l)};
   const std::vector<Symbol> smooth{{sum_of_weights(sample, steps), Row::Zero(modes)}};
