@@ -102,7 +102,8 @@ Weights coarsened(const Weights& fine, Index fine_steps, Index steps, const Host
   if (fine_steps == steps) return fine;
   const LagTable* table = lag_table_of(fine);
   Weights half = table ? Weights(coarsen(*table)) : Weights(Recurrence(coarsen(*modal_recurrence_of(fine), threads)));
-  return fine_steps / 2 == steps ? half : coarsened(half, fine_steps / 2, steps, threads);
+  if (fine_steps / 2 > steps) half = coarsened(half, fine_steps / 2, steps, threads);
+  return half;
 }
 
 }  // namespace bromwich
