@@ -7,6 +7,7 @@
 #include <Eigen/QR>
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 
 namespace bromwich {
@@ -211,17 +212,37 @@ double initial_error(Backend& backend, const KroneckerDynamics& dynamics, const 
   return size > 0 ? between_samples * parts.dot(fit.missed) / size : 0;
 }
 
-std::optional<RowMatrix> start_of(const ModalRecurrence& r, const RowMatrix& D) {
-  RowMatrix initial = (r.decay.array() == 0).select(0, D.array() * r.decay.array() / r.output.array());
-  if ((0 * initial.array()).sum() != 0) return std::nullopt;  // NaN is not 0 either
+std::optional<RowMatrix> start_of(const ModalRecurrence& r, const RowMatrix& D, const HostThreads& threads) {
+  RowMatrix initial(r.exponentials(), r.modes());
+  std::atomic<bool> finite = true;
+  threads.each_range(r.modes(), modes_together, [&](Index first, Index last) {
+    const auto part = [&](const RowMatrix& table, Index k) {
+      return table.row(k).segment(first, last - first).array();
+    };
+    for (Index k = 0; k < r.exponentials(); ++k) {
+      auto to = initial.row(k).segment(first, last - first).array();
+      to = (part(r.decay, k) == 0).select(0, part(D, k) * part(r.decay, k) / part(r.output, k));
+      if ((0 * to).sum() != 0) finite = false;  // NaN is not 0 either
+    }
+  });
+  if (!finite) return std::nullopt;
   return initial;
 }
 
-std::optional<ModalRecurrence> started(const ModalRecurrence& r, const RowMatrix& D) {
-  auto initial = start_of(r, D);
+std::optional<ModalRecurrence> started(const ModalRecurrence& r, const RowMatrix& D, const HostThreads& threads) {
+  auto initial = start_of(r, D, threads);
   if (!initial) return std::nullopt;
-  ModalRecurrence with_x0 = r;
+  ModalRecurrence with_x0;
+  with_x0.face = r.face, with_x0.families = r.families;
+  with_x0.w0 = r.w0, with_x0.w1 = r.w1, with_x0.s1 = r.s1;
   with_x0.initial = std::move(*initial);
+  const auto copy = [&](const RowMatrix& from, RowMatrix& to) {
+    to.resize(from.rows(), from.cols());
+    threads.each_range(from.cols(), modes_together, [&](Index first, Index last) {
+      to.middleCols(first, last - first) = from.middleCols(first, last - first);
+    });
+  };
+  copy(r.decay, with_x0.decay), copy(r.output, with_x0.output), copy(r.start, with_x0.start);
   return with_x0;
 }
 

@@ -254,7 +254,7 @@ class ModalOperator : public TimeOperator {
     if (!projected()) return std::nullopt;
     RowMatrix D;
     p_.backend.download(*x0_->D, D);
-    return start_of(recurrence, D);
+    return start_of(recurrence, D, p_.backend);
   }
 
   KernelPlan plan(const SharedWeights& weights, ConvolutionChoice choice) {

@@ -18,7 +18,9 @@ std::optional<Stencil> of_bands(const Tridiagonal& M, const std::vector<Index>& 
   return s;
 }
 
-std::optional<Stencil> of_entries(const SparseMatrix& M, const std::vector<Index>& extents) {
+}  // namespace
+
+std::optional<Stencil> stencil_of(const SparseMatrix& M, const std::vector<Index>& extents) {
   const Index n = M.rows();
   std::vector<Index> strides(extents.size());
   Index points = 1;
@@ -46,8 +48,6 @@ std::optional<Stencil> of_entries(const SparseMatrix& M, const std::vector<Index
     }
   return found == expected ? std::optional(s) : std::nullopt;
 }
-
-}  // namespace
 
 Vector Stencil::eigenvalues() const {
   Vector sums = Vector::Constant(1, centre);
@@ -84,10 +84,10 @@ std::optional<Stencil> stencil_of(const LcpMatrix& M, const std::vector<Index>& 
       if (value != 0) all.emplace_back(i, j, value);
     });
     entries.setFromTriplets(all.begin(), all.end());
-    return of_entries(entries, extents);
+    return stencil_of(entries, extents);
   }
   const SparseMatrix* sparse = sparse_of(M);
-  return sparse ? of_entries(*sparse, extents) : std::nullopt;
+  return sparse ? stencil_of(*sparse, extents) : std::nullopt;
 }
 
 std::optional<Stencil> stencil_in(const FaceBasis& basis, const LcpMatrix& M) {

@@ -1,7 +1,5 @@
 #include "core/multigrid/smoothing.hpp"
 
-#include "core/lcp/stencil.hpp"
-
 #include <algorithm>
 #include <cmath>
 #include <numbers>
@@ -16,14 +14,6 @@ constexpr Index frequencies = 24, most_modes = 48;  ///< of the sample; the symb
 constexpr Index octave = 6;                         ///< frequencies in each half of the remaining interval
 constexpr Index candidates = 120;
 constexpr double least_diagonal = 0.05;  ///< M + D I keeps this part of the smallest eigenvalue of M
-
-// The eigenvalues 0 < M^_l of a matrix without positive neighbours, in the order of the modes.
-std::optional<Vector> eigenvalues(const LcpMatrix& matrix, const FaceBasis& basis) {
-  const std::optional<Stencil> stencil = stencil_in(basis, matrix);
-  if (!stencil || *std::max_element(stencil->beside.begin(), stencil->beside.end()) > 0) return std::nullopt;
-  Vector values = stencil->eigenvalues();
-  return values.minCoeff() > 0 ? std::optional(std::move(values)) : std::nullopt;
-}
 
 using Row = Eigen::Array<double, 1, Eigen::Dynamic>;
 
@@ -81,12 +71,19 @@ std::vector<Index> spread(const Vector& values, Index count) {
 
 }  // namespace
 
-std::optional<Smoothing> best_smoothing(const LcpMatrix& matrix, const ModalRecurrence& r, Index steps, double useful) {
-  const std::optional<Vector> all = eigenvalues(matrix, r.basis());
-  if (!all) return std::nullopt;
-  const Index n = all->size(), modes = std::min(n, most_modes);
-  const std::vector<Index> l = spread(*all, modes);
-  const Row M = (*all)(l).transpose();
+SweptMatrix::SweptMatrix(const LcpMatrix& M, const FaceBasis& basis) : stencil(stencil_in(basis, M)) {
+  if (stencil) eigenvalues = stencil->eigenvalues();
+}
+
+std::optional<Smoothing> best_smoothing(const SweptMatrix& swept, const ModalRecurrence& r, Index steps,
+                                        double useful) {
+  if (!swept.stencil || *std::max_element(swept.stencil->beside.begin(), swept.stencil->beside.end()) > 0 ||
+      !(swept.eigenvalues.minCoeff() > 0))
+    return std::nullopt;
+  const Vector& all = swept.eigenvalues;
+  const Index n = all.size(), modes = std::min(n, most_modes);
+  const std::vector<Index> l = spread(all, modes);
+  const Row M = all(l).transpose();
   const Sample sample{r.w0(l), r.w1(l), r.decay(Eigen::all, l), r.output(Eigen::all, l)};
   const std::vector<Symbol> smooth{{sum_of_weights(sample, steps), Row::Zero(modes)}};
   std::vector<Symbol> K;
@@ -98,7 +95,7 @@ std::optional<Smoothing> best_smoothing(const LcpMatrix& matrix, const ModalRecu
     return (largest.sqrt() / (M + D)).maxCoeff();
   };
   Smoothing best{0, {factor(K, 0)}, 0};
-  const double lowest = (least_diagonal - 1) * all->minCoeff(), highest = all->maxCoeff();
+  const double lowest = (least_diagonal - 1) * all.minCoeff(), highest = all.maxCoeff();
   for (Index i = 0; i <= candidates; ++i) {
     const double D = lowest + (highest - lowest) * double(i) / double(candidates);
     if (const double f = factor(K, D); f < best.factor()) best = {D, {f}, 0};
