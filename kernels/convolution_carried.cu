@@ -25,13 +25,6 @@ constexpr int warps = group;  ///< of a block: the sums of one exponential each 
 constexpr int adders = 128;   ///< threads of a block
 constexpr const char* taking = "taking a state";
 
-__device__ double power(double base, int exponent) {
-  double result = 1;
-  for (; exponent > 0; exponent >>= 1, base *= base)
-    if (exponent & 1) result *= base;
-  return result;
-}
-
 // One block for `group` exponentials of `lanes` modes. Rows 1 .. last; `known` of them are remembered. `ahead`: the
 // next tile is read while one is summed up, where there are too few blocks to hide the time of a read.
 template <bool ahead>
@@ -167,20 +160,25 @@ Memory<int> on_device(const Device& device, const std::vector<int>& values) {
 
 /// What the constructor needs of the recurrence.
 struct Layout {
-  GroupedModes modes;
+  ModalRecurrence recurrence;
+  std::vector<int> counts;
   std::vector<int> offsets, known;  ///< of each group: its first value in a state, and the rows that it remembers
   std::vector<int> places;          ///< of each value of a state in a K x stride table
   RowMatrix decay;                  ///< of each value of a state, 1 x values
 
-  Layout(const ModalRecurrence& r, Index steps, Index last, Index stride)
-      : modes(r.initial.size() == 0 && r.face.size() > 1 ? in_groups(r, steps) : GroupedModes{r, {}}) {
-    const RowMatrix& E = modes.recurrence.decay;
+  Layout(const Device& device, const ModalRecurrence& r, Index steps, Index last, Index stride) : recurrence(r) {
+    if (r.initial.size() == 0 && r.face.size() > 1) {
+      const Shells shells = find_shells(DeviceThreads(device), r, steps, lanes, group);
+      recurrence = in_shells(r, shells);
+      counts = counts_of(shells);
+    }
+    const RowMatrix& E = recurrence.decay;
     const Index groups = (r.modes() + lanes - 1) / lanes,
                 K = (std::max<Index>(E.rows(), 1) + group - 1) / group * group;
     std::vector<double> decays;
     for (Index g = 0; g < groups; ++g) {
       offsets.push_back(int(places.size()));
-      const Index count = modes.counts.empty() ? K : modes.counts[std::size_t(g)];
+      const Index count = counts.empty() ? K : counts[std::size_t(g)];
       double slowest = 0;
       for (Index k = 0; k < count; ++k)
         for (Index lane = 0; lane < lanes; ++lane) {
@@ -204,7 +202,7 @@ class CarriedScan final : public CarriedConvolution {
         rank_(rank),
         last_(int(rows) - 1),
         groups_(unsigned(layout.offsets.size())),
-        scan_(make_scan(device, of_rank(layout.modes.recurrence, rank == 0), r.modes(), rows, layout.modes.counts)),
+        scan_(make_scan(device, of_rank(layout.recurrence, rank == 0), r.modes(), rows, layout.counts)),
         offsets_(on_device(device, layout.offsets)),
         known_(on_device(device, layout.known)),
         powers_(cuda::on_device(device, outliving.powers)) {
@@ -268,7 +266,7 @@ std::unique_ptr<CarriedConvolution> make_carried_scan(const Device& device, cons
                                                       const std::vector<Index>& ends, int rank) {
   const Index rows = ends[std::size_t(rank) + 1] - ends[std::size_t(rank)] + 1;
   const Index stride_of_tables = (r.modes() + lanes - 1) / lanes * lanes;
-  const Layout layout(r, ends.back(), rows - 1, stride_of_tables);
+  const Layout layout(device, r, ends.back(), rows - 1, stride_of_tables);
   return std::make_unique<CarriedScan>(device, r, layout, outliving(layout.decay, ends, rank), rows, rank);
 }
 

@@ -10,7 +10,6 @@
 // read once.
 
 #include "kernels/convolution_scan.cuh"
-#include "kernels/entry_powers.hpp"
 #include "kernels/launch.cuh"
 #include "kernels/parts.hpp"
 
@@ -234,8 +233,10 @@ Index rounded_up(Index n, Index to) { return (n + to - 1) / to * to; }
 
 class ModalScan final : public Scan {
  public:
-  /// `counts`: exponentials of each group of modes, the others being zero; empty: all.
-  ModalScan(const Device& device, const ModalRecurrence& r, Index modes, Index rows, const std::vector<int>& counts)
+  /// `counts`: exponentials of each group of modes, the others being zero; empty: all. `shells`: null, or what brings
+  /// the recurrence into these groups.
+  ModalScan(const Device& device, const ModalRecurrence& r, Index modes, Index rows, const std::vector<int>& counts,
+            const Shells* shells)
       : device_(device),
         total_(r.modes()),
         n_(modes),
@@ -245,7 +246,7 @@ class ModalScan final : public Scan {
         length_(chunk_length(rows)),
         chunks_(std::max<Index>(1, (rows - 1 + length_ - 1) / length_)),
         rows_(rows),
-        tables_(on_device(device, all_tables(r))),
+        tables_(form_tables(device, r, shells, {n_, K_, stride_, length_})),
         counts_(device, counts.size()),
         states_(device, std::size_t(chunks_ * K_ * stride_)),
         added_(device, Walk::suits(device, n_, K_) ? 0 : std::size_t(chunks_ * K_ * stride_)) {
@@ -254,7 +255,7 @@ class ModalScan final : public Scan {
       walk_.emplace(device, counts.empty() ? std::vector<int>(std::size_t(stride_ / lanes), int(K_)) : counts);
     reserve<1>();
     reserve<warps_together>();
-    if (n_ == total_) start_from = [this](const Array& D) { take_start(D); };
+    if (n_ == total_ && !shells) start_from = [this](const Array& D) { take_start(D); };
   }
 
   void apply(const Array& y, Array& v, Index first) override {
@@ -345,24 +346,6 @@ class ModalScan final : public Scan {
            values(y), states_.data(), values(v));
   }
 
-  // Decays E, E^length, outputs, starts and contributions of x0, K_ rows each, then w0, w1 and s1: n_ columns, padded
-  // with zeros.
-  RowMatrix all_tables(const ModalRecurrence& r) const {
-    RowMatrix all = RowMatrix::Zero(5 * K_ + 3, stride_);
-    const auto put = [&](Index row, const auto& values) {
-      if (values.size() > 0) all.block(row, 0, values.rows(), n_) = values.leftCols(n_);
-    };
-    put(0, r.decay);
-    put(K_, entry_powers(r.decay, length_));
-    put(2 * K_, r.output);
-    put(3 * K_, r.start);
-    put(4 * K_, r.initial);
-    put(5 * K_, r.w0.transpose());
-    put(5 * K_ + 1, r.w1.transpose());
-    put(5 * K_ + 2, r.s1.transpose());
-    return all;
-  }
-
   // Enough warps to hide latency; the carry pass is cheap for few chunks.
   Index chunk_length(Index rows) const {
     const Index most = shared_ ? few_chunks : most_chunks;
@@ -385,11 +368,16 @@ class ModalScan final : public Scan {
 
 std::unique_ptr<Scan> scan::make_scan(const Device& device, const ModalRecurrence& r, Index modes, Index rows,
                                       const std::vector<int>& counts) {
-  return std::make_unique<ModalScan>(device, r, modes, rows, counts);
+  return std::make_unique<ModalScan>(device, r, modes, rows, counts, nullptr);
+}
+
+std::unique_ptr<Scan> scan::make_scan(const Device& device, const ModalRecurrence& r, const Shells& shells,
+                                      Index rows) {
+  return std::make_unique<ModalScan>(device, r, r.modes(), rows, counts_of(shells), &shells);
 }
 
 std::unique_ptr<Convolution> make_modal_scan(const Device& device, const ModalRecurrence& r, Index modes, Index rows) {
-  return std::make_unique<ModalScan>(device, r, modes, rows, std::vector<int>{});
+  return scan::make_scan(device, r, modes, rows, {});
 }
 
 }  // namespace bromwich::cuda

@@ -1,6 +1,7 @@
 #pragma once
 // What the kernels of a scan share (convolution_scan.cu, convolution_walk.cu).
 
+#include "core/kernel/shells.hpp"
 #include "kernels/device.hpp"
 
 #include <memory>
@@ -32,6 +33,14 @@ __device__ inline void read_tile(const double* column, int step, int j, int rows
   for (int i = 0; i < tile; ++i) u[i] = column[long(min(j + i, rows - 1)) * step];
 }
 
+/// base^exponent for exponent >= 1, by repeated squaring.
+__device__ inline double power(double base, int exponent) {
+  double result = 1;
+  for (; exponent > 0; exponent >>= 1, base *= base)
+    if (exponent & 1) result *= base;
+  return result;
+}
+
 /// A scan as a plan.
 class Scan : public Convolution {
  public:
@@ -48,15 +57,32 @@ class Scan : public Convolution {
   /// there are no chunks, or many.
   virtual std::optional<Chunks> add_up_chunks(const Array& y) = 0;
 };
-/// The rates that each group of `lanes` modes needs (core/kernel/shells.hpp), counts being multiples of `group`.
-struct GroupedModes {
-  ModalRecurrence recurrence;
-  std::vector<int> counts;
+struct TableSize {
+  Index modes, exponentials, stride, length;  ///< modes: the first ones of the recurrence; length: of a chunk
 };
-GroupedModes in_groups(const ModalRecurrence&, Index steps);
-/// `counts`: exponentials of each group of modes, multiples of `group`, the others being zero; empty: all.
-std::unique_ptr<Scan> make_scan(const Device&, const ModalRecurrence&, Index modes, Index rows,
+/// Decays E, E^length, outputs, starts and contributions of x0, `exponentials` rows each, then w0, w1 and s1, padded
+/// with zeros. `shells`: null, or those into which the recurrence is brought. Waits for the device.
+Memory<double> form_tables(const Device&, const ModalRecurrence&, const Shells* shells, TableSize);
+
+/// Threads of the host, as those of the backend.
+class DeviceThreads final : public HostThreads {
+ public:
+  explicit DeviceThreads(const Device& device) : device_(device) {}
+  void each_range(Index count, Index length, const std::function<void(Index first, Index last)>& body) const override {
+    device_.fetcher().each_range(count, length, body);
+  }
+
+ private:
+  const Device& device_;
+};
+
+/// The exponentials of each group of `lanes` modes, in multiples of `group`.
+std::vector<int> counts_of(const Shells&);
+/// `counts`: of exponentials of each group of modes, the others being zero; empty: all.
+std::unique_ptr<Scan> make_scan(const Device&, const ModalRecurrence& r, Index modes, Index rows,
                                 const std::vector<int>& counts);
+/// Brings `r` into shells.
+std::unique_ptr<Scan> make_scan(const Device&, const ModalRecurrence& r, const Shells&, Index rows);
 
 /// What a warp of a walk does: exponentials 16 part ... of a group of modes.
 struct WalkSlot {
@@ -68,12 +94,6 @@ class Walk {
  public:
   /// Whether it is faster than a scan.
   static bool suits(const Device&, Index modes, Index exponentials);
-  /// The rates that each group of `lanes` modes needs (core/kernel/shells.hpp), counts being multiples of `group`.
-  struct GroupedModes {
-    ModalRecurrence recurrence;
-    std::vector<int> counts;
-  };
-  GroupedModes in_groups(const ModalRecurrence&, Index steps);
   /// `counts`: exponentials of each group of `lanes` modes.
   Walk(const Device&, const std::vector<int>& counts);
   /// Begins with the states of chunk span.from, or with x0 and y_0 if that is 0. Keeps the states of the other chunks.

@@ -252,7 +252,7 @@ std::vector<Index> extents_of(const SparseMatrix& M) {
 }  // namespace
 
 std::unique_ptr<LcpBatch> make_projected_sweeps(const Device& device, const ProjectedSweeps& sweeps, Index rows) {
-  const auto stencil = stencil_of(SparseLcpMatrix(*sweeps.M), sweeps.face);
+  const auto stencil = stencil_of(*sweeps.M, sweeps.face);
   if (!stencil || !fits(*stencil)) return nullptr;
   auto plan = std::make_unique<FaceSweeps>(device, sweeps, *stencil, rows);
   return plan->possible() ? std::move(plan) : nullptr;
@@ -261,7 +261,7 @@ std::unique_ptr<LcpBatch> make_projected_sweeps(const Device& device, const Proj
 std::unique_ptr<LcpBatch> make_face_lcp(const Device& device, const SparseMatrix& M, Index rows) {
   const std::vector<Index> extents = extents_of(M);
   if (extents.empty()) return nullptr;
-  const auto stencil = stencil_of(SparseLcpMatrix(M), extents);
+  const auto stencil = stencil_of(M, extents);
   if (!stencil || !fits(*stencil) || !(stencil->centre > 0) || !(stencil->jacobi_radius() < 1)) return nullptr;
   return std::make_unique<FaceLcp>(device, *stencil, rows);
 }

@@ -186,29 +186,33 @@ void Fetcher::fetch(const double* from, std::size_t step, double* to, std::size_
 
 void Fetcher::send(const double* from, std::size_t count, double* to, cudaStream_t stream) {
   constexpr std::size_t piece = sent_bytes / sizeof(double), ring = slots * piece_bytes / sizeof(double);
-  if (busy_ || count <= piece || count > ring) {
+  if (busy_ || count <= piece) {
     check(cudaMemcpyAsync(to, from, sizeof(double) * count, cudaMemcpyHostToDevice, stream), "copying to the device");
     check(cudaStreamSynchronize(stream), "copying to the device");
     return;
   }
   const Busy busy(busy_);
   make();
-  check(cudaEventSynchronize(sent_), "copying to the device");  // the ring is free
-  std::atomic<std::size_t> next = 0;
-  std::atomic<cudaError_t> status = cudaSuccess;
-  const std::function<void()> work = [&] {
-    cudaSetDevice(device_);
-    for (std::size_t begin; (begin = piece * next++) < count;) {
-      const std::size_t size = std::min(piece, count - begin);
-      std::copy_n(from + begin, size, ring_ + begin);
-      const cudaError_t found =
-          cudaMemcpyAsync(to + begin, ring_ + begin, sizeof(double) * size, cudaMemcpyHostToDevice, stream);
-      if (found != cudaSuccess) status = found;
-    }
-  };
-  helpers_.share(work, [] {});
-  check(status, "copying to the device");
-  check(cudaEventRecord(sent_, stream), "copying to the device");
+  for (std::size_t done = 0; done < count; done += ring) {
+    check(cudaEventSynchronize(sent_), "copying to the device");  // the ring is free
+    const std::size_t end = std::min(done + ring, count);
+    std::atomic<std::size_t> next = done;
+    std::atomic<cudaError_t> status = cudaSuccess;
+    const std::function<void()> work = [&] {
+      cudaSetDevice(device_);
+      for (std::size_t begin; (begin = next.fetch_add(piece)) < end;) {
+        const std::size_t size = std::min(piece, end - begin);
+        double* const slot = ring_ + (begin - done);
+        std::copy_n(from + begin, size, slot);
+        const cudaError_t found =
+            cudaMemcpyAsync(to + begin, slot, sizeof(double) * size, cudaMemcpyHostToDevice, stream);
+        if (found != cudaSuccess) status = found;
+      }
+    };
+    helpers_.share(work, [] {});
+    check(status, "copying to the device");
+    check(cudaEventRecord(sent_, stream), "copying to the device");
+  }
 }
 
 }  // namespace bromwich::cuda

@@ -101,8 +101,9 @@ struct Entries {
 };
 
 __global__ void line_transfers(Line line, Entries seen, Entries driven, const double* __restrict__ mu, int modes,
-                               const Number* __restrict__ nodes, Number* __restrict__ out) {
-  const int l = blockIdx.x * threads + threadIdx.x, p = blockIdx.y;
+                               const Number* __restrict__ nodes, int first, int count, Number* __restrict__ out,
+                               int* infinite) {
+  const int l = blockIdx.x * threads + threadIdx.x, p = first + int(blockIdx.y);
   if (l >= modes) return;
   const Green green(line, nodes[p] - mu[l]);
   Number sum = 0;
@@ -111,7 +112,8 @@ __global__ void line_transfers(Line line, Entries seen, Entries driven, const do
       const int i = seen.place[a], j = driven.place[c];
       sum += seen.value[a] * green(min(i, j), max(i, j)) * driven.value[c];
     }
-  out[long(p) * modes + l] = sum;
+  out[long(l) * count + p] = sum;
+  if (!isfinite(sum.real() + sum.imag())) *infinite = p + 1;  // any of them
 }
 
 // z_p I - A, column-major.
@@ -265,20 +267,25 @@ void refuse_infinite(const NodeRows& R, const ComplexVector& nodes) {
 ComplexMatrix Resolvent::operator()(const KroneckerDynamics& d, const ComplexVector& nodes) {
   const Vector mu = d.face_eigenvalues().array() - d.across.decay;
   const Index n = mu.size();
-  NodeRows R(nodes.size(), n);
+  const int count = int(nodes.size());
+  ComplexMatrix R(nodes.size(), n);
   const Line line{int(d.across.points), d.across.spacing * d.across.spacing / d.across.diffusivity};
   const EntryList seen(device_, d.n), driven(device_, d.b);
   const Memory<double> modes = on_device(device_, mu);
-  Memory<Number> shifts(device_, std::size_t(nodes.size())), values(device_, std::size_t(R.size()));
+  Memory<Number> shifts(device_, std::size_t(count)), values(device_, std::size_t(R.size()));
+  Memory<int> infinite(device_, 1);
+  infinite.clear();
   shifts.put(device_type(nodes.data()));
-  for (Index first = 0; first < nodes.size(); first += most_nodes) {
-    const dim3 grid(blocks(n), unsigned(std::min(most_nodes, nodes.size() - first)));
+  for (int first = 0; first < count; first += int(most_nodes)) {
+    const dim3 grid(blocks(n), unsigned(std::min(int(most_nodes), count - first)));
     line_transfers<<<grid, threads, 0, device_.stream()>>>(line, seen.view(), driven.view(), modes.data(), int(n),
-                                                           shifts.data() + first, values.data() + first * n);
+                                                           shifts.data(), first, count, values.data(), infinite.data());
     check(cudaGetLastError(), "starting the shifted solves");
   }
   values.get(reinterpret_cast<Number*>(R.data()));
-  refuse_infinite(R, nodes);
+  int node = 0;
+  infinite.get(&node);
+  if (node > 0) throw eigenvalue_at(nodes[node - 1]);
   return R;
 }
 

@@ -60,12 +60,14 @@ double instant_contraction(const LcpMatrix& M, LcpClass lcp_class, const Vector&
   return has_one_solution(lcp_class) ? solution_lipschitz(M) * row_sums.maxCoeff() : INFINITY;
 }
 
+double instant_contraction(const Vector& eigenvalues_of_M, const ModalRecurrence& weights) {
+  if (!(eigenvalues_of_M.minCoeff() > 0)) return INFINITY;
+  return weights.w0.cwiseAbs().cwiseQuotient(eigenvalues_of_M).maxCoeff();
+}
+
 double instant_contraction(const LcpMatrix& M, LcpClass lcp_class, const Weights& weights, const RangeOfM& on) {
   if (const ModalRecurrence* modal = modal_recurrence_of(weights); modal && modal->face.size() > 1)
-    if (const auto stencil = stencil_in(modal->face, M)) {
-      const Vector of_M = stencil->eigenvalues();
-      return of_M.minCoeff() > 0 ? modal->w0.cwiseAbs().cwiseQuotient(of_M).maxCoeff() : INFINITY;
-    }
+    if (const auto stencil = stencil_in(modal->face, M)) return instant_contraction(stencil->eigenvalues(), *modal);
   if (on.range && on.range->holds_outputs) return on.range->contraction(first_weight(weights));
   return instant_contraction(M, lcp_class, first_row_sums(weights));
 }

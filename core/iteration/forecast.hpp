@@ -36,8 +36,11 @@ struct Forecast {
 /// kappa_0 only, from |W_0| 1; infinite if M is neither H+ nor a P-matrix with a known L.
 double instant_contraction(const LcpMatrix& M, LcpClass, const Vector& row_sums);
 
+/// The 2-norm where modes diagonalise M: max_l |w0_l| / M_l.
+double instant_contraction(const Vector& eigenvalues_of_M, const ModalRecurrence&);
+
 /// The same of these weights, for M + W_0 to be monotone on the range of M. On a face whose modes diagonalise M, the
-/// 2-norm: max_l |w0_l| / M_l.
+/// 2-norm.
 double instant_contraction(const LcpMatrix& M, LcpClass, const Weights&, const RangeOfM& = {});
 
 Forecast forecast(const LcpMatrix& M, const LagTable&, double h, double tolerance, const RangeOfM& = {});

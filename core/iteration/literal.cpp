@@ -9,6 +9,8 @@
 #include "core/numerics/phi.hpp"
 #include "core/seam/point_responses.hpp"
 
+#include <Eigen/Eigenvalues>
+
 #include <algorithm>
 #include <cmath>
 #include <numbers>

@@ -7,6 +7,7 @@
 #include <Eigen/QR>
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 
 namespace bromwich {
@@ -45,6 +46,8 @@ Matrix line_kernels(const KroneckerDynamics& d, const ContourParameters& paramet
 /// and a smaller gain may be rounding.
 constexpr double gain_of_a_rate = 1.19;
 constexpr Index columns_together = 64;  ///< of products, per thread
+constexpr Index modes_together = 2048;  ///< of a recurrence, per thread
+constexpr Index parts_of_lines = 16;    ///< of x0, a thread each
 constexpr double between_samples = 4;   ///< how much larger errors may be than at the check points
 
 Vector logarithmic(double from, double to, Index count) {
@@ -96,6 +99,32 @@ Pivots pivots(Matrix columns, Index count) {
     norms = columns.colwise().squaredNorm().transpose();
   }
   return found;
+}
+
+/// x0 as all faces see it. One face sees x0 itself, of which no copy is made.
+struct Views {
+  Views(const KroneckerDynamics& d, const Vector& x0)
+      : both(d.both_faces ? d.views(x0) : Vector()), of_all(d.both_faces ? both : x0) {}
+
+  const Vector both;
+  const Vector& of_all;
+};
+
+// 2-norms over all lines X of x0 of their components in the eigenvectors V of a line: roots of the diagonal of
+// V^T (X^T X) V. To eps of the largest one, as they weigh small errors.
+Vector sizes_in_line_modes(Backend& backend, const KroneckerDynamics& d, const Vector& x0) {
+  const Views views(d, x0);
+  const Eigen::Map<const RowMatrix> X(views.of_all.data(), d.face_points(), d.across.points);
+  const Index together = (X.rows() + parts_of_lines - 1) / parts_of_lines, parts = (X.rows() + together - 1) / together;
+  std::vector<Matrix> squares(std::size_t(parts), Matrix::Zero(X.cols(), X.cols()));
+  backend.each_range(X.rows(), together, [&](Index first, Index last) {
+    squares[std::size_t(first / together)].selfadjointView<Eigen::Lower>().rankUpdate(
+        X.middleRows(first, last - first).transpose());
+  });
+  for (Index i = 1; i < parts; ++i) squares[0] += squares[std::size_t(i)];
+  const RowMatrix square = squares[0].selfadjointView<Eigen::Lower>();
+  const RowMatrix once = in_line_modes(backend, d.across, square).transpose();
+  return in_line_modes(backend, d.across, once).diagonal().cwiseMax(0).cwiseSqrt();
 }
 
 }  // namespace
@@ -170,7 +199,7 @@ InitialProjection::InitialProjection(Backend& backend, const KroneckerDynamics& 
 }
 
 const Array& InitialProjection::operator()(const Vector& x0) {
-  backend_.upload_projection(dynamics_.views(x0), *P_, *values_);
+  backend_.upload_projection(Views(dynamics_, x0).of_all, *P_, *values_);
   to_modes_->apply(*values_, nullptr, *modes_, 0);
   return *modes_;
 }
@@ -178,32 +207,48 @@ const Array& InitialProjection::operator()(const Vector& x0) {
 double initial_error(Backend& backend, const KroneckerDynamics& dynamics, const InitialFit& fit, const Vector& x0) {
   const double most = between_samples * fit.missed.maxCoeff();
   if (most <= accepted_compression_error) return most;
-  const Vector views = dynamics.views(x0);
-  const Eigen::Map<const RowMatrix> lines(views.data(), dynamics.face_points(), dynamics.across.points);
-  const Vector parts =
-      fit.seen.cwiseAbs().cwiseProduct(in_line_modes(backend, dynamics.across, lines).colwise().norm().transpose());
+  const Vector parts = fit.seen.cwiseAbs().cwiseProduct(sizes_in_line_modes(backend, dynamics, x0));
   const double size = parts.sum();
   return size > 0 ? between_samples * parts.dot(fit.missed) / size : 0;
 }
 
-std::optional<RowMatrix> start_of(const ModalRecurrence& r, const RowMatrix& D) {
-  RowMatrix initial = (r.decay.array() == 0).select(0, D.array() * r.decay.array() / r.output.array());
-  if ((0 * initial.array()).sum() != 0) return std::nullopt;  // NaN is not 0 either
+std::optional<RowMatrix> start_of(const ModalRecurrence& r, const RowMatrix& D, const HostThreads& threads) {
+  RowMatrix initial(r.exponentials(), r.modes());
+  std::atomic<bool> finite = true;
+  threads.each_range(r.modes(), modes_together, [&](Index first, Index last) {
+    const auto part = [&](const RowMatrix& table, Index k) {
+      return table.row(k).segment(first, last - first).array();
+    };
+    for (Index k = 0; k < r.exponentials(); ++k) {
+      auto to = initial.row(k).segment(first, last - first).array();
+      to = (part(r.decay, k) == 0).select(0, part(D, k) * part(r.decay, k) / part(r.output, k));
+      if ((0 * to).sum() != 0) finite = false;  // NaN is not 0 either
+    }
+  });
+  if (!finite) return std::nullopt;
   return initial;
 }
 
-std::optional<ModalRecurrence> started(const ModalRecurrence& r, const RowMatrix& D) {
-  auto initial = start_of(r, D);
+std::optional<ModalRecurrence> started(const ModalRecurrence& r, const RowMatrix& D, const HostThreads& threads) {
+  auto initial = start_of(r, D, threads);
   if (!initial) return std::nullopt;
-  ModalRecurrence with_x0 = r;
+  ModalRecurrence with_x0;
+  with_x0.face = r.face, with_x0.families = r.families;
+  with_x0.w0 = r.w0, with_x0.w1 = r.w1, with_x0.s1 = r.s1;
   with_x0.initial = std::move(*initial);
+  const auto copy = [&](const RowMatrix& from, RowMatrix& to) {
+    to.resize(from.rows(), from.cols());
+    threads.each_range(from.cols(), modes_together, [&](Index first, Index last) {
+      to.middleCols(first, last - first) = from.middleCols(first, last - first);
+    });
+  };
+  copy(r.decay, with_x0.decay), copy(r.output, with_x0.output), copy(r.start, with_x0.start);
   return with_x0;
 }
 
 ModalRecurrence compressed_recurrence(Backend& backend, const KroneckerDynamics& dynamics, const ExponentialSum& sum,
                                       double h) {
-  const Index n = dynamics.face_points(), K = sum.rates.size();
-  const Index lines = dynamics.lines();
+  const Index n = dynamics.face_points(), K = sum.rates.size(), lines = dynamics.lines();
   const Vector mu = dynamics.face_eigenvalues();
   ModalRecurrence r;
   r.face = dynamics.face_basis();
@@ -211,17 +256,25 @@ ModalRecurrence compressed_recurrence(Backend& backend, const KroneckerDynamics&
   r.decay.resize(K, n);
   r.output.resize(K, n);
   r.start.resize(K, n);
-  for (Index k = 0; k < K; ++k) {
-    const auto [exponential, phi1, phi2] = array_phi(h * (mu.array() + sum.rates[k]));
-    r.decay.row(k) = exponential;
-    for (Index f = 0; f < dynamics.families(); ++f)
-      r.output.row(k).segment(f * lines, lines) = h * sum.coefficients(k, f) * phi1.segment(f * lines, lines).square();
-    r.start.row(k) = (phi1 - phi2) / phi1.square();
-  }
   const LagTable near = contour_lag_table(backend, dynamics, *contour_parameters(0), h, 1);
   r.w0 = near.W.row(0).transpose();
-  r.w1 = near.W.row(1).transpose() - r.output.colwise().sum().transpose();
-  r.s1 = near.S.row(1).transpose() - r.output.cwiseProduct(r.start).colwise().sum().transpose();
+  r.w1 = near.W.row(1).transpose();
+  r.s1 = near.S.row(1).transpose();
+  backend.each_range(n, modes_together, [&](Index first, Index last) {
+    const Index count = last - first;
+    Eigen::ArrayXd c(count);
+    for (Index k = 0; k < K; ++k) {
+      const auto [exponential, phi1, phi2] = array_phi(h * (mu.segment(first, count).array() + sum.rates[k]));
+      for (Index i = 0; i < count; ++i) c[i] = h * sum.coefficients(k, (first + i) / lines);
+      auto output = r.output.row(k).segment(first, count).array();
+      auto start = r.start.row(k).segment(first, count).array();
+      r.decay.row(k).segment(first, count) = exponential;
+      output = c * phi1.square();
+      start = (phi1 - phi2) / phi1.square();
+      r.w1.segment(first, count).array() -= output.transpose();
+      r.s1.segment(first, count).array() -= (output * start).transpose();
+    }
+  });
   return r;
 }
 

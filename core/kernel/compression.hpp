@@ -54,9 +54,9 @@ InitialFit fit_initial_response(Backend&, const KroneckerDynamics&, const Expone
 double initial_error(Backend&, const KroneckerDynamics&, const InitialFit&, const Vector& x0);
 
 /// Contribution of x0 to z_0 of a recurrence: `initial` = D E / C, for any grid. Empty if a C_k is zero.
-std::optional<RowMatrix> start_of(const ModalRecurrence&, const RowMatrix& D);
+std::optional<RowMatrix> start_of(const ModalRecurrence&, const RowMatrix& D, const HostThreads& = HostThreads());
 /// The recurrence with it.
-std::optional<ModalRecurrence> started(const ModalRecurrence&, const RowMatrix& D);
+std::optional<ModalRecurrence> started(const ModalRecurrence&, const RowMatrix& D, const HostThreads& = HostThreads());
 
 /// The recurrence with these exponentials instead of all eigenvalues. Lags 0 and 1 come from the contour; mode l uses
 /// the rates s_k + mu_l.

@@ -28,6 +28,8 @@ Complex factor_S(Index d, Complex x, double h) {
 // Length of a run of repeated multiplications: its relative error stays below about geometric_run eps.
 constexpr Index geometric_run = 16;
 
+constexpr Index columns_together = 2048;  ///< of a product, per thread
+
 }  // namespace
 
 LagWindow lag_window(const Contour& contour, double h, Index first, Index last) {
@@ -121,8 +123,12 @@ LagTable contour_lag_table(Backend& backend, const Dynamics& dynamics, const Con
   for (const LagWindow& window : lag_windows(parameters, h, J)) {
     const ComplexMatrix R = backend.resolvent(dynamics, window.contour.nodes);
     const Index count = window.last - window.first + 1;
-    real_product(window.F, R, table.W.middleRows(window.first, count));
-    real_product(window.S, R, table.S.middleRows(window.first, count));
+    backend.each_range(width, columns_together, [&](Index first, Index last) {
+      const auto part = [&](RowMatrix& to) { return to.block(window.first, first, count, last - first); };
+      const ComplexMatrix of_part = R.middleCols(first, last - first);
+      real_product(window.F, of_part, part(table.W));
+      real_product(window.S, of_part, part(table.S));
+    });
   }
   table.S.row(0).setZero();
   return table;

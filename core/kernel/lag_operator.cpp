@@ -39,7 +39,7 @@ class LagOperator : public TimeOperator {
   }
 
   SharedWeights weights(Index steps, const Weights* finer, Index finer_steps) override {
-    return finer ? share_weights(coarsened(*finer, finer_steps, steps)) : lags();
+    return finer ? share_weights(coarsened(*finer, finer_steps, steps, p_.backend)) : lags();
   }
 
   KernelPlan finest_kernel(const SharedWeights& weights, ConvolutionChoice choice) override {

@@ -93,7 +93,7 @@ class ModalOperator : public TimeOperator {
 
   // If no short sum fits, all eigenvalues are used. The fit of the finest grid serves all grids.
   SharedWeights weights(Index steps, const Weights* finer, Index finer_steps) override {
-    if (finer) return share_weights(coarsened(*finer, finer_steps, steps));
+    if (finer) return share_weights(coarsened(*finer, finer_steps, steps, p_.backend));
     const double h = p_.scene.T / double(steps);
     return share_weights(Recurrence(fits() ? compressed_recurrence(p_.backend, dynamics_, sum(), h)
                                            : modal_recurrence(dynamics_, Rule::exponential, h, RowMatrix())));
@@ -254,7 +254,7 @@ class ModalOperator : public TimeOperator {
     if (!projected()) return std::nullopt;
     RowMatrix D;
     p_.backend.download(*x0_->D, D);
-    return start_of(recurrence, D);
+    return start_of(recurrence, D, p_.backend);
   }
 
   KernelPlan plan(const SharedWeights& weights, ConvolutionChoice choice) {

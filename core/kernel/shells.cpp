@@ -16,13 +16,7 @@ namespace {
 
 constexpr double shell_tolerance = 1e-13, accepted_shell_error = 1e-11;
 constexpr double levels_per_octave = 1;  ///< of the decay of the slowest mode of a group, for which fits are shared
-
-/// Σ_k c_k e^{x_k t} with the rates of `order`, the first ones, for t from 1 to the number of steps.
-struct ShellFit {
-  std::vector<Index> order;  ///< of the rates that are kept
-  Vector factors;            ///< their new coefficients over the old ones
-  double error = 0;
-};
+constexpr Index groups_together = 64;    ///< of a thread
 
 Vector sample_steps(Index steps) {
   const Index count = 40 + Index(14 * std::log(double(std::max<Index>(steps, 2))));
@@ -37,6 +31,13 @@ Matrix values_at(const Vector& t, const Vector& x) {
   return (exponents.array() < least).select(0, exponents.array().exp());
 }
 
+// All rates.
+ShellFit whole(Index K) {
+  ShellFit fit{std::vector<Index>(std::size_t(K)), Vector::Ones(K), 0};
+  std::iota(fit.order.begin(), fit.order.end(), Index(0));
+  return fit;
+}
+
 // x: rates times the step, negative; c: coefficients.
 ShellFit fit_shell(const Vector& x, const Vector& c, Index steps, Index rounding) {
   const Index K = x.size();
@@ -46,8 +47,7 @@ ShellFit fit_shell(const Vector& x, const Vector& c, Index steps, Index rounding
   const Vector wanted = all * c, wanted_between = check * c;
   const double scale = std::max(wanted.cwiseAbs().maxCoeff(), 1e-300);
   const Eigen::ColPivHouseholderQR<Matrix> qr(all);
-  ShellFit best{std::vector<Index>(std::size_t(K)), Vector::Ones(K), 0};
-  std::iota(best.order.begin(), best.order.end(), Index(0));
+  ShellFit best = whole(K);
   for (Index kept = std::min(rounding, K); kept < K; kept += rounding) {
     ShellFit fit;
     for (Index k = 0; k < kept; ++k) fit.order.push_back(qr.colsPermutation().indices()[k]);
@@ -60,66 +60,96 @@ ShellFit fit_shell(const Vector& x, const Vector& c, Index steps, Index rounding
   return best;
 }
 
+ShellFit fit_mode(const ModalRecurrence& r, Index l, Index steps, Index rounding) {
+  const Index K = r.exponentials();
+  Vector x(K), c(K);
+  for (Index k = 0; k < K; ++k) {
+    const double E = r.decay(k, l);
+    x[k] = E > 0 ? std::log(E) : -750;
+    const double p = phi1(x[k]);
+    c[k] = r.output(k, l) / (p * p);
+  }
+  return fit_shell(x, c, steps, rounding);
+}
+
+// The slowest mode of a group, and its slowest rate times the step.
+struct Slowest {
+  Index mode;
+  double speed;
+};
+
+Slowest slowest_of(const ModalRecurrence& r, Index first, Index count) {
+  Eigen::RowVectorXd sum = Eigen::RowVectorXd::Zero(count);
+  for (Index k = 0; k < r.exponentials(); ++k) sum += r.decay.row(k).segment(first, count);
+  Index slowest = 0;
+  sum.maxCoeff(&slowest);
+  return {first + slowest, -std::log(std::max(r.decay.col(first + slowest).maxCoeff(), 1e-300))};
+}
+
 }  // namespace
 
-Shells in_shells(const ModalRecurrence& r, Index steps, Index together, Index rounding) {
-  const Index n = r.modes(), K = r.exponentials();
-  Shells shells{r, {}, 0};
-  ModalRecurrence& s = shells.recurrence;
-  std::map<std::pair<Index, int>, ShellFit> fits;  // by the family and the level of the slowest mode
-  const auto slowest_of = [&](Index first, Index last) {
-    Index slowest = first;
-    for (Index l = first; l < last; ++l)
-      if (r.decay.col(l).sum() > r.decay.col(slowest).sum()) slowest = l;
-    return slowest;
-  };
-  const auto fit_of = [&](Index l) {
-    const Vector E = r.decay.col(l);
-    Vector x(K), c(K);
-    for (Index k = 0; k < K; ++k) {
-      x[k] = E[k] > 0 ? std::log(E[k]) : -750;
-      const double p = phi1(x[k]);
-      c[k] = r.output(k, l) / (p * p);
-    }
-    return fit_shell(x, c, steps, rounding);
-  };
+Shells find_shells(const HostThreads& threads, const ModalRecurrence& r, Index steps, Index together, Index rounding) {
+  const Index n = r.modes(), groups = (n + together - 1) / together;
+  Shells shells{together, {whole(r.exponentials())}, std::vector<Index>(std::size_t(groups), 0), 0};
+  if (r.exponentials() == 0) return shells;
+  std::vector<Slowest> slowest(static_cast<std::size_t>(groups));
+  const auto last = [&](Index g) { return std::min((g + 1) * together, n) - 1; };
+  threads.each_range(groups, groups_together, [&](Index from, Index to) {
+    for (Index g = from; g < to; ++g) slowest[std::size_t(g)] = slowest_of(r, g * together, last(g) + 1 - g * together);
+  });
   // From the slowest group on: the first of a level has the slowest mode of all that share its fit.
-  std::vector<Index> groups, slowest;
-  for (Index first = 0; first < n; first += together) {
-    groups.push_back(Index(groups.size()));
-    slowest.push_back(slowest_of(first, std::min(first + together, n)));
+  std::vector<Index> order(static_cast<std::size_t>(groups));
+  std::iota(order.begin(), order.end(), Index(0));
+  std::stable_sort(order.begin(), order.end(),
+                   [&](Index a, Index b) { return slowest[std::size_t(a)].speed < slowest[std::size_t(b)].speed; });
+  std::map<std::pair<Index, int>, Index> fits;  // by the family and the level of the slowest mode
+  std::vector<Index> fitted{0};                 // the mode of each fit
+  for (const Index g : order) {
+    if (r.family(g * together) != r.family(last(g))) continue;  // a fit is for one family
+    const auto& [mode, speed] = slowest[std::size_t(g)];
+    const int level = int(std::floor(levels_per_octave * 2 * std::log2(std::max(speed, 1e-12))));
+    const auto [place, is_new] = fits.try_emplace({r.family(mode), level}, Index(fitted.size()));
+    if (is_new) fitted.push_back(mode);
+    shells.of_group[std::size_t(g)] = place->second;
   }
-  shells.counts.assign(groups.size(), K);
-  const auto speed = [&](Index l) { return -std::log(std::max(r.decay.col(l).maxCoeff(), 1e-300)); };
-  std::stable_sort(groups.begin(), groups.end(),
-                   [&](Index a, Index b) { return speed(slowest[std::size_t(a)]) < speed(slowest[std::size_t(b)]); });
-  for (const Index g : groups) {
-    if (r.family(g * together) != r.family(std::min((g + 1) * together, n) - 1)) continue;  // a fit is for one family
-    const Index l0 = slowest[std::size_t(g)];
-    const int level = int(std::floor(levels_per_octave * 2 * std::log2(std::max(speed(l0), 1e-12))));
-    const auto [place, is_new] = fits.try_emplace({r.family(l0), level});
-    if (is_new) place->second = fit_of(l0);
-    const ShellFit& fit = place->second;
-    const Index kept = Index(fit.order.size());
-    shells.counts[std::size_t(g)] = kept;
-    shells.error = std::max(shells.error, fit.error);
-    if (kept == K) continue;
-    for (Index l = g * together; l < std::min((g + 1) * together, n); ++l) {
-      double lag1 = 0, of_start = 0;
-      for (Index k = 0; k < K; ++k) lag1 += r.output(k, l), of_start += r.output(k, l) * r.start(k, l);
-      for (Index k = 0; k < K; ++k) {
-        const Index from = k < kept ? fit.order[std::size_t(k)] : 0;
-        s.decay(k, l) = k < kept ? r.decay(from, l) : 0;
-        s.output(k, l) = k < kept ? r.output(from, l) * fit.factors[k] : 0;
-        s.start(k, l) = k < kept ? r.start(from, l) : 0;
-        lag1 -= s.output(k, l);
-        of_start -= s.output(k, l) * s.start(k, l);
-      }
-      s.w1[l] += lag1;
-      s.s1[l] += of_start;
-    }
-  }
+  shells.fits.resize(fitted.size());
+  threads.each_range(Index(fitted.size()) - 1, 1, [&](Index i, Index) {
+    shells.fits[std::size_t(i) + 1] = fit_mode(r, fitted[std::size_t(i) + 1], steps, rounding);
+  });
+  for (const ShellFit& fit : shells.fits) shells.error = std::max(shells.error, fit.error);
   return shells;
+}
+
+ModalRecurrence in_shells(const ModalRecurrence& r, const Shells& shells) {
+  const Index K = r.exponentials();
+  ModalRecurrence s = r;
+  for (Index g = 0; g < Index(shells.of_group.size()); ++g) {
+    const ShellFit& fit = shells.of(g);
+    const Index kept = shells.kept(g), first = g * shells.together,
+                count = std::min(shells.together, r.modes() - first);
+    if (kept == K) continue;
+    const auto part = [&](auto& table, Index k) { return table.row(k).segment(first, count); };
+    Eigen::RowVectorXd lag1 = Eigen::RowVectorXd::Zero(count), of_start = lag1;
+    for (Index k = 0; k < K; ++k) {
+      lag1 += part(r.output, k);
+      of_start += part(r.output, k).cwiseProduct(part(r.start, k));
+    }
+    for (Index k = 0; k < K; ++k) {
+      if (k < kept) {
+        const Index from = fit.order[std::size_t(k)];
+        part(s.decay, k) = part(r.decay, from);
+        part(s.output, k) = fit.factors[k] * part(r.output, from);
+        part(s.start, k) = part(r.start, from);
+      } else {
+        for (RowMatrix* table : {&s.decay, &s.output, &s.start}) part(*table, k).setZero();
+      }
+      lag1 -= part(s.output, k);
+      of_start -= part(s.output, k).cwiseProduct(part(s.start, k));
+    }
+    s.w1.segment(first, count) += lag1.transpose();
+    s.s1.segment(first, count) += of_start.transpose();
+  }
+  return s;
 }
 
 }  // namespace bromwich

@@ -72,7 +72,7 @@ bool SpaceTimeKernel::add_start(const ModalRecurrence& recurrence, const Array& 
   } else {
     RowMatrix values;
     backend_.download(D, values);
-    auto with_x0 = started(recurrence, values);
+    auto with_x0 = started(recurrence, values, backend_);
     if (!with_x0) return false;
     start_ = backend_.convolution(Recurrence(std::move(*with_x0)), zero.rows());
   }

@@ -10,6 +10,8 @@ namespace bromwich {
 
 namespace {
 
+constexpr Index modes_together = 2048;  ///< of a thread
+
 // |S diag(w) S| 1. sin a sin b is a difference of cosines: entry (i, j) is c(i-j) - c(i+j) with
 // c(d) = 1/(n+1) Σ_k w_k cos(pi k d/(n+1)), an even function of period 2(n+1).
 Vector row_sums_in_modes(const Vector& w) {
@@ -71,29 +73,37 @@ LagTable coarsen(const LagTable& fine) {
   return coarse;
 }
 
-ModalRecurrence coarsen(const ModalRecurrence& fine) {
+ModalRecurrence coarsen(const ModalRecurrence& fine, const HostThreads& threads) {
+  const Index K = fine.exponentials(), n = fine.modes();
   ModalRecurrence coarse;
   coarse.face = fine.face;
-  const auto E = fine.decay.array(), C = fine.output.array();
-  coarse.decay = E.square();
-  coarse.output = 0.5 * C * (1 + E).square();
-  coarse.start = (2 * E * fine.start.array() + 1) / (1 + E).square();
-  coarse.w0 = fine.w0 + 0.5 * (fine.w1 + fine.output.colwise().sum().transpose());
+  coarse.families = fine.families;
+  for (RowMatrix* table : {&coarse.decay, &coarse.output, &coarse.start}) table->resize(K, n);
+  coarse.w0 = fine.w0 + 0.5 * fine.w1;
   coarse.w1 = coarse.s1 = 0.5 * fine.w1;
+  threads.each_range(n, modes_together, [&](Index first, Index last) {
+    const auto part = [first, count = last - first](auto& table, Index k) {
+      return table.row(k).segment(first, count).array();
+    };
+    for (Index k = 0; k < K; ++k) {
+      const auto E = part(fine.decay, k), C = part(fine.output, k);
+      part(coarse.decay, k) = E.square();
+      part(coarse.output, k) = 0.5 * C * (1 + E).square();
+      part(coarse.start, k) = (2 * E * part(fine.start, k) + 1) / (1 + E).square();
+      coarse.w0.segment(first, last - first).array() += 0.5 * C.transpose();
+    }
+  });
   return coarse;
 }
 
-Weights coarsened(const Weights& fine, Index fine_steps, Index steps) {
+Weights coarsened(const Weights& fine, Index fine_steps, Index steps, const HostThreads& threads) {
   if (const PoleRecurrence* poles = pole_recurrence_of(fine))
     return PoleRecurrence{poles->model, poles->h * double(fine_steps / steps)};
-  Weights weights = fine;
-  for (Index at = fine_steps; at > steps; at /= 2) {
-    if (const LagTable* table = lag_table_of(weights))
-      weights = coarsen(*table);
-    else
-      weights = Recurrence(coarsen(*modal_recurrence_of(weights)));
-  }
-  return weights;
+  if (fine_steps == steps) return fine;
+  const LagTable* table = lag_table_of(fine);
+  Weights half = table ? Weights(coarsen(*table)) : Weights(Recurrence(coarsen(*modal_recurrence_of(fine), threads)));
+  if (fine_steps / 2 > steps) half = coarsened(half, fine_steps / 2, steps, threads);
+  return half;
 }
 
 }  // namespace bromwich

@@ -6,6 +6,7 @@
 //
 //     W^c_0 = W_0 + W_1/2,   W^c_d = W_{2d-1}/2 + W_{2d} + W_{2d+1}/2,   S^c_d = S_{2d} + W_{2d-1}/2      (d >= 1).
 
+#include "../base/threads.hpp"
 #include "../seam/recurrence.hpp"
 
 #include <memory>
@@ -40,9 +41,9 @@ LagTable coarsen(const LagTable&);
 /// The same for exponentials, which become e^{2x}:
 ///     E^c = E^2,   C^c = C (1 + E)^2 / 2,   C^c G0^c = C (E G0 + 1/2),   W^c_0 = W_0 + W_1/2,   w1^c = s1^c = w1/2.
 /// x0 is omitted.
-ModalRecurrence coarsen(const ModalRecurrence&);
+ModalRecurrence coarsen(const ModalRecurrence&, const HostThreads& = HostThreads());
 
 /// Halves the number of steps until it is `steps`. Not for dense recurrences.
-Weights coarsened(const Weights& fine, Index fine_steps, Index steps);
+Weights coarsened(const Weights& fine, Index fine_steps, Index steps, const HostThreads&);
 
 }  // namespace bromwich

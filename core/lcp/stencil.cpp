@@ -18,7 +18,9 @@ std::optional<Stencil> of_bands(const Tridiagonal& M, const std::vector<Index>& 
   return s;
 }
 
-std::optional<Stencil> of_entries(const SparseMatrix& M, const std::vector<Index>& extents) {
+}  // namespace
+
+std::optional<Stencil> stencil_of(const SparseMatrix& M, const std::vector<Index>& extents) {
   const Index n = M.rows();
   std::vector<Index> strides(extents.size());
   Index points = 1;
@@ -47,17 +49,15 @@ std::optional<Stencil> of_entries(const SparseMatrix& M, const std::vector<Index
   return found == expected ? std::optional(s) : std::nullopt;
 }
 
-}  // namespace
-
 Vector Stencil::eigenvalues() const {
   Vector sums = Vector::Constant(1, centre);
   for (std::size_t d = 0; d < extents.size(); ++d) {
     const Vector before = sums;
     const Index n = extents[d];
+    Vector own(n);
+    for (Index l = 0; l < n; ++l) own[l] = 2 * beside[d] * std::cos(std::numbers::pi * double(l + 1) / double(n + 1));
     sums.resize(before.size() * n);
-    for (Index i = 0; i < before.size(); ++i)
-      for (Index l = 0; l < n; ++l)
-        sums[i * n + l] = before[i] + 2 * beside[d] * std::cos(std::numbers::pi * double(l + 1) / double(n + 1));
+    for (Index i = 0; i < before.size(); ++i) sums.segment(i * n, n) = own.array() + before[i];
   }
   return sums;
 }
@@ -84,10 +84,10 @@ std::optional<Stencil> stencil_of(const LcpMatrix& M, const std::vector<Index>& 
       if (value != 0) all.emplace_back(i, j, value);
     });
     entries.setFromTriplets(all.begin(), all.end());
-    return of_entries(entries, extents);
+    return stencil_of(entries, extents);
   }
   const SparseMatrix* sparse = sparse_of(M);
-  return sparse ? of_entries(*sparse, extents) : std::nullopt;
+  return sparse ? stencil_of(*sparse, extents) : std::nullopt;
 }
 
 std::optional<Stencil> stencil_in(const FaceBasis& basis, const LcpMatrix& M) {

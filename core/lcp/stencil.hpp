@@ -24,6 +24,7 @@ struct Stencil {
 
 /// M as a stencil on a grid with these extents, or nothing.
 std::optional<Stencil> stencil_of(const LcpMatrix& M, const std::vector<Index>& extents);
+std::optional<Stencil> stencil_of(const SparseMatrix& M, const std::vector<Index>& extents);
 /// The same, if the modes of the grid diagonalise it: sine modes do, others only multiples of the identity.
 std::optional<Stencil> stencil_in(const FaceBasis&, const LcpMatrix& M);
 /// The eigenvalues of M in the order of the modes, or nothing where the modes do not diagonalise M.

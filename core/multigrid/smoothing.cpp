@@ -1,11 +1,10 @@
 #include "core/multigrid/smoothing.hpp"
 
-#include "core/lcp/stencil.hpp"
-
 #include <algorithm>
 #include <cmath>
 #include <numbers>
-#include <numeric>
+#include <utility>
+#include <vector>
 
 namespace bromwich {
 
@@ -15,14 +14,6 @@ constexpr Index frequencies = 24, most_modes = 48;  ///< of the sample; the symb
 constexpr Index octave = 6;                         ///< frequencies in each half of the remaining interval
 constexpr Index candidates = 120;
 constexpr double least_diagonal = 0.05;  ///< M + D I keeps this part of the smallest eigenvalue of M
-
-// The eigenvalues 0 < M^_l of a matrix without positive neighbours, in the order of the modes.
-std::optional<Vector> eigenvalues(const LcpMatrix& matrix, const FaceBasis& basis) {
-  const std::optional<Stencil> stencil = stencil_in(basis, matrix);
-  if (!stencil || *std::max_element(stencil->beside.begin(), stencil->beside.end()) > 0) return std::nullopt;
-  Vector values = stencil->eigenvalues();
-  return values.minCoeff() > 0 ? std::optional(std::move(values)) : std::nullopt;
-}
 
 using Row = Eigen::Array<double, 1, Eigen::Dynamic>;
 
@@ -58,18 +49,41 @@ Row sum_of_weights(const Sample& r, Index steps) {
   return sum;
 }
 
+// `count` modes from the smoothest to the roughest one: those at equally spaced ranks, found without sorting all.
+std::vector<Index> spread(const Vector& values, Index count) {
+  const Index n = values.size();
+  std::vector<std::pair<double, Index>> order;
+  for (Index l = 0; l < n; ++l) order.emplace_back(values[l], l);
+  const auto rank = [&](Index i) { return i > 0 ? i * (n - 1) / (count - 1) : 0; };
+  // Ranks from .. to - 1 are among the places first .. last - 1.
+  const auto place = [&](const auto& self, Index from, Index to, Index first, Index last) -> void {
+    if (from == to) return;
+    const Index middle = (from + to) / 2, at = rank(middle);
+    std::nth_element(order.begin() + first, order.begin() + at, order.begin() + last);
+    self(self, from, middle, first, at);
+    self(self, middle + 1, to, at + 1, last);
+  };
+  place(place, 0, count, 0, n);
+  std::vector<Index> found;
+  for (Index i = 0; i < count; ++i) found.push_back(order[std::size_t(rank(i))].second);
+  return found;
+}
+
 }  // namespace
 
-std::optional<Smoothing> best_smoothing(const LcpMatrix& matrix, const ModalRecurrence& r, Index steps, double useful) {
-  const std::optional<Vector> all = eigenvalues(matrix, r.basis());
-  if (!all) return std::nullopt;
-  const Index n = all->size(), modes = std::min(n, most_modes);
-  // From the smoothest mode to the roughest one.
-  std::vector<Index> order(std::size_t(n), 0), l(std::size_t(modes), 0);
-  std::iota(order.begin(), order.end(), Index(0));
-  std::stable_sort(order.begin(), order.end(), [&](Index a, Index b) { return (*all)[a] < (*all)[b]; });
-  for (Index i = 0; i < modes; ++i) l[std::size_t(i)] = order[std::size_t(i > 0 ? i * (n - 1) / (modes - 1) : 0)];
-  const Row M = (*all)(l).transpose();
+SweptMatrix::SweptMatrix(const LcpMatrix& M, const FaceBasis& basis) : stencil(stencil_in(basis, M)) {
+  if (stencil) eigenvalues = stencil->eigenvalues();
+}
+
+std::optional<Smoothing> best_smoothing(const SweptMatrix& swept, const ModalRecurrence& r, Index steps,
+                                        double useful) {
+  if (!swept.stencil || *std::max_element(swept.stencil->beside.begin(), swept.stencil->beside.end()) > 0 ||
+      !(swept.eigenvalues.minCoeff() > 0))
+    return std::nullopt;
+  const Vector& all = swept.eigenvalues;
+  const Index n = all.size(), modes = std::min(n, most_modes);
+  const std::vector<Index> l = spread(all, modes);
+  const Row M = all(l).transpose();
   const Sample sample{r.w0(l), r.w1(l), r.decay(Eigen::all, l), r.output(Eigen::all, l)};
   const std::vector<Symbol> smooth{{sum_of_weights(sample, steps), Row::Zero(modes)}};
   std::vector<Symbol> K;
@@ -81,7 +95,7 @@ std::optional<Smoothing> best_smoothing(const LcpMatrix& matrix, const ModalRecu
     return (largest.sqrt() / (M + D)).maxCoeff();
   };
   Smoothing best{0, {factor(K, 0)}, 0};
-  const double lowest = (least_diagonal - 1) * all->minCoeff(), highest = all->maxCoeff();
+  const double lowest = (least_diagonal - 1) * all.minCoeff(), highest = all.maxCoeff();
   for (Index i = 0; i <= candidates; ++i) {
     const double D = lowest + (highest - lowest) * double(i) / double(candidates);
     if (const double f = factor(K, D); f < best.factor()) best = {D, {f}, 0};

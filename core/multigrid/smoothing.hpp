@@ -8,7 +8,7 @@
 // e^{-i omega d}. A grid with R times the step does not represent the frequencies in [pi/(2R), pi].
 
 #include "../kernel/recurrence.hpp"
-#include "../lcp/matrix.hpp"
+#include "../lcp/stencil.hpp"
 
 #include <optional>
 #include <vector>
@@ -24,9 +24,18 @@ struct Smoothing {
   double factor() const { return unseen.front(); }
 };
 
+/// M as the sweeps of all grids see it.
+struct SweptMatrix {
+  SweptMatrix() = default;
+  SweptMatrix(const LcpMatrix&, const FaceBasis&);
+
+  std::optional<Stencil> stencil;  ///< on the grid of the modes (core/lcp/stencil.hpp); empty: another matrix
+  Vector eigenvalues;              ///< of the stencil, in the order of the modes
+};
+
 /// The D that minimises the factor for R = 2, with M and M + D I M-matrices. Larger R are included as long as the
-/// factors are below `useful`. Empty unless M is a stencil on the grid of the modes (core/lcp/stencil.hpp) with
-/// neighbours <= 0. The modes are sampled from the smoothest to the roughest.
-std::optional<Smoothing> best_smoothing(const LcpMatrix& M, const ModalRecurrence&, Index steps, double useful = 0);
+/// factors are below `useful`. Empty unless M is a stencil with neighbours <= 0. The modes are sampled from the
+/// smoothest to the roughest.
+std::optional<Smoothing> best_smoothing(const SweptMatrix&, const ModalRecurrence&, Index steps, double useful = 0);
 
 }  // namespace bromwich

@@ -46,9 +46,9 @@ struct Coarsening {
 // A sweep multiplies smooth errors by K/M, which may be far above 1. The coarse grid has to compensate for that, so
 // there is only one sweep per cycle, and the coarse grids have to be accurate. If the symbol is known and its size at
 // frequency 0 is at most 1, more sweeps and coarser grids are allowed.
-Coarsening choose_sweeps(const DiscreteProblem& p, TimeLevel& level, double kappa0, std::size_t finer_grids) {
+Coarsening choose_sweeps(const SweptMatrix& M, TimeLevel& level, double kappa0, std::size_t finer_grids) {
   const ModalRecurrence* modal = modal_recurrence_of(*level.weights);
-  const auto best = modal ? best_smoothing(p.scene.M, *modal, level.steps, far_smoothed) : std::nullopt;
+  const auto best = modal ? best_smoothing(M, *modal, level.steps, far_smoothed) : std::nullopt;
   level.unseen = std::min(symbol_over_w0 * kappa0, most_unseen);
   if (!best || best->smooth_factor > largest_smooth_factor) return {accurate_kappa0};
   const double factor = best->factor();
@@ -69,13 +69,12 @@ Coarsening choose_sweeps(const DiscreteProblem& p, TimeLevel& level, double kapp
 
 // Sweeps of projected relaxation where M is a stencil on a face, so that their relaxation is known; else exact
 // solutions.
-std::unique_ptr<LcpBatch> smoother(const DiscreteProblem& p, TimeLevel& level) {
-  const ModalRecurrence* modal = modal_recurrence_of(*level.weights);
-  const auto stencil = modal && sparse_of(p.scene.M) ? stencil_in(modal->basis(), p.scene.M) : std::nullopt;
-  if (!stencil || level.sweeps == 0) return p.backend.shifted_lcp(p.scene.M, p.lcp_class, level.shift, level.steps + 1);
+std::unique_ptr<LcpBatch> smoother(const DiscreteProblem& p, const SweptMatrix& M, TimeLevel& level) {
+  if (!M.stencil || !sparse_of(p.scene.M) || level.sweeps == 0)
+    return p.backend.shifted_lcp(p.scene.M, p.lcp_class, level.shift, level.steps + 1);
   level.passes = relaxation_sweeps;
-  const ProjectedSweeps sweeps{sparse_of(p.scene.M), level.shift, best_relaxation(stencil->shifted(level.shift)),
-                               relaxation_sweeps, modal->basis().extents()};
+  const ProjectedSweeps sweeps{sparse_of(p.scene.M), level.shift, best_relaxation(M.stencil->shifted(level.shift)),
+                               relaxation_sweeps, M.stencil->extents};
   return p.backend.projected_sweeps(sweeps, p.lcp_class, level.steps + 1);
 }
 
@@ -183,7 +182,7 @@ std::size_t TimeLevel::bytes() const {
 namespace {
 
 // Weights of all possible grids, with their smoothing and the coarse grids that their cycles use.
-TimeLevels choose_grids(TimeOperator& op) {
+TimeLevels choose_grids(TimeOperator& op, const SweptMatrix& M) {
   const DiscreteProblem& p = op.problem();
   const RangeOfM range = range_of_M(p);
   TimeLevels levels;
@@ -195,9 +194,12 @@ TimeLevels choose_grids(TimeOperator& op) {
     level->steps = steps;
     const TimeLevel* finer = levels.size() > 0 ? levels.grids.back().get() : nullptr;
     level->weights = op.weights(steps, finer ? finer->weights.get() : nullptr, finer ? finer->steps : 0);
-    const double kappa0 = instant_contraction(p.scene.M, p.lcp_class, *level->weights, range);
+    const ModalRecurrence* modal = modal_recurrence_of(*level->weights);
+    const double kappa0 = modal && modal->face.size() > 1 && M.stencil
+                              ? instant_contraction(M.eigenvalues, *modal)
+                              : instant_contraction(p.scene.M, p.lcp_class, *level->weights, range);
     if (!(kappa0 < allowed.kappa0)) break;
-    allowed = choose_sweeps(p, *level, kappa0, levels.size());
+    allowed = choose_sweeps(M, *level, kappa0, levels.size());
     const bool swept = level->sweeps > 0;
     levels.grids.push_back(std::move(level));
     farthest.push_back(steps / allowed.ratio);
@@ -219,7 +221,8 @@ TimeLevels choose_grids(TimeOperator& op) {
 
 TimeLevels time_levels(TimeOperator& op, const Options& options) {
   const DiscreteProblem& p = op.problem();
-  TimeLevels levels = choose_grids(op);
+  const SweptMatrix M = p.modes() ? SweptMatrix(p.scene.M, p.face()) : SweptMatrix();
+  TimeLevels levels = choose_grids(op, M);
   if (levels.size() == 0) return levels;
   levels.finest = op.finest_kernel(levels[0].weights, options.tuning.convolution);
   levels.description = levels.finest.description + "; grids of ";
@@ -232,7 +235,7 @@ TimeLevels time_levels(TimeOperator& op, const Options& options) {
     for (auto* array : {&level.r, &level.y, &level.v, &level.old})
       *array = p.backend.array(level.steps + 1, p.scene.constraints());
     if (l == 1 || l == 2) level.nested = p.backend.array(level.steps + 1, p.scene.constraints());
-    if (l + 1 < levels.size() || swept) level.lcp = smoother(p, level);
+    if (l + 1 < levels.size() || swept) level.lcp = smoother(p, M, level);
     levels.description += (l > 0 ? ", " : "") + std::to_string(level.steps);
   }
   for (std::size_t l = 0; l + 1 < levels.size(); ++l) {

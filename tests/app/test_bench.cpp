@@ -167,8 +167,9 @@ TEST_F(Bench, SparseShiftsAgree) {
 }
 
 TEST_F(Bench, LiteralReachesTheErrorOfMarching) {
-  const Json json = study("literal");
-  ASSERT_EQ(json["rows"].size(), 4u);
+  const Json json = study("literal");  // of each backend
+  ASSERT_EQ(json["rows"].size() % 4, 0u);
+  ASSERT_FALSE(json["rows"].empty());
   double marched = NAN;
   for (const Json& row : json["rows"]) {
     EXPECT_EQ(row["status"], "solved") << row;

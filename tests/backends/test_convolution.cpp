@@ -1,6 +1,8 @@
 // Contract of Backend: causal convolutions by recurrence and by table, against direct summation.
 
 #include "core/kernel/memory_length.hpp"
+#include "core/kernel/recurrence.hpp"
+#include "core/kernel/weights.hpp"
 #include "core/numerics/orthogonal_factor.hpp"
 #include "tests/support/backends.hpp"
 
@@ -180,6 +182,20 @@ TEST_P(BackendConvolution, ModesForAllWarps) {
       EXPECT_LE(distance(v, exact), tolerance(rows, 2 + double(K))) << rows << ' ' << first;
     }
   }
+}
+
+// A grid that follows a finer one, with sums and differences of two faces. A device keeps few rates for modes that
+// forget (core/kernel/shells.hpp): each lag is off by less than 1e-10 of the largest one, as tests/solve/test_faces.cpp
+// shows.
+TEST_P(BackendConvolution, ModesOfTwoFacesOnACoarseGrid) {
+  KroneckerDynamics d{{15, 1 / 16., 0.5}, {24, 1 / 25., 0.02}, Vector::Unit(24, 0), -Vector::Unit(24, 0)};
+  d.beside = {{9, 1 / 17., 0.5}};
+  d.both_faces = true;
+  const Index rows = 257;
+  const ModalRecurrence r = coarsen(modal_recurrence(d, Rule::exponential, 2.0 / 512, RowMatrix()));
+  const RowMatrix y = Random(9).matrix(rows, r.modes());
+  const RowMatrix v = apply(*backend->convolution(Recurrence(r), rows), y, r.modes());
+  EXPECT_LE(distance(v, by_recurrence(r, y)), double(rows) * 1e-10 * lag_table(r, rows - 1).W.cwiseAbs().maxCoeff());
 }
 
 TEST_P(BackendConvolution, ExponentialsThatGrowOrStartFromTheState) {

@@ -175,8 +175,12 @@ ModalRecurrence memoryless(Index n, double w) {
   return r;
 }
 
+std::optional<Smoothing> smoothing_of(const LcpMatrix& M, const ModalRecurrence& r, Index steps, double useful = 0) {
+  return best_smoothing(SweptMatrix(M, r.basis()), r, steps, useful);
+}
+
 TEST(Smoothing, FindsTheShiftThatCancelsAKernelWithoutMemory) {
-  const std::optional<Smoothing> found = best_smoothing(toeplitz(20, 4, -1), memoryless(20, -1.2), 200);
+  const std::optional<Smoothing> found = smoothing_of(toeplitz(20, 4, -1), memoryless(20, -1.2), 200);
   ASSERT_TRUE(found);
   // Shifts are tried in steps of at most 8/120: |D + 1.2| <= 1/30, over eigenvalues of M + D of at least 0.7.
   EXPECT_NEAR(found->shift, -1.2, 1. / 30);
@@ -188,7 +192,7 @@ TEST(Smoothing, SumsTheWeightsAtFrequencyZero) {
   ModalRecurrence r = memoryless(20, 0);
   r.decay = RowMatrix::Constant(1, 20, 0.75);
   r.output = RowMatrix::Constant(1, 20, -0.5);
-  const std::optional<Smoothing> found = best_smoothing(toeplitz(20, 4, -1), r, 200);
+  const std::optional<Smoothing> found = smoothing_of(toeplitz(20, 4, -1), r, 200);
   ASSERT_TRUE(found);
   const double smallest = 4 - 2 * std::cos(M_PI / 21), D = found->shift;
   EXPECT_NEAR(found->smooth_factor, std::abs(-2 - D) / (smallest + D), 1e-12);
@@ -201,7 +205,7 @@ TEST(Smoothing, LooksAtWhatCoarserGridsCannotSee) {
   ModalRecurrence r = memoryless(20, 0);
   r.decay = RowMatrix::Constant(1, 20, 0.99);
   r.output = RowMatrix::Constant(1, 20, -0.02);
-  const std::optional<Smoothing> found = best_smoothing(toeplitz(20, 4, -1), r, 4096, 0.2);
+  const std::optional<Smoothing> found = smoothing_of(toeplitz(20, 4, -1), r, 4096, 0.2);
   ASSERT_TRUE(found);
   const double smallest = 4 - 2 * std::cos(M_PI / 21), D = found->shift;
   ASSERT_GE(found->unseen.size(), 3u);
@@ -215,19 +219,19 @@ TEST(Smoothing, LooksAtWhatCoarserGridsCannotSee) {
     }
     EXPECT_EQ(k + 1 == found->unseen.size(), found->unseen[k] >= 0.2) << "as long as it is useful";
   }
-  EXPECT_EQ(best_smoothing(toeplitz(20, 4, -1), r, 4096)->unseen.size(), 1u);
+  EXPECT_EQ(smoothing_of(toeplitz(20, 4, -1), r, 4096)->unseen.size(), 1u);
 }
 
 TEST(Smoothing, KeepsMPlusDAnMMatrix) {
-  const std::optional<Smoothing> found = best_smoothing(toeplitz(20, 4, -1), memoryless(20, -5), 200);
+  const std::optional<Smoothing> found = smoothing_of(toeplitz(20, 4, -1), memoryless(20, -5), 200);
   ASSERT_TRUE(found);
   EXPECT_GT(found->shift, -(4 - 2 * std::cos(M_PI / 21)));
-  EXPECT_FALSE(best_smoothing(toeplitz(20, 4, 1), memoryless(20, -1), 200)) << "not an M-matrix";
-  EXPECT_FALSE(best_smoothing(toeplitz(20, 1, -1), memoryless(20, -1), 200)) << "not definite";
-  EXPECT_FALSE(best_smoothing(LcpMatrix(Matrix(Matrix::Identity(3, 3))), memoryless(3, -1), 200)) << "dense";
+  EXPECT_FALSE(smoothing_of(toeplitz(20, 4, 1), memoryless(20, -1), 200)) << "not an M-matrix";
+  EXPECT_FALSE(smoothing_of(toeplitz(20, 1, -1), memoryless(20, -1), 200)) << "not definite";
+  EXPECT_FALSE(smoothing_of(LcpMatrix(Matrix(Matrix::Identity(3, 3))), memoryless(3, -1), 200)) << "dense";
   Tridiagonal uneven = toeplitz(20, 4, -1);
   uneven.upper[7] = -0.9;
-  EXPECT_FALSE(best_smoothing(uneven, memoryless(20, -1), 200));
+  EXPECT_FALSE(smoothing_of(uneven, memoryless(20, -1), 200));
 }
 
 // ---- the error that it estimates ----

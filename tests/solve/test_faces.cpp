@@ -6,6 +6,7 @@
 #include "core/host/face_lcp.hpp"
 #include "core/kernel/recurrence.hpp"
 #include "core/kernel/shells.hpp"
+#include "core/kernel/weights.hpp"
 #include "core/lcp/stencil.hpp"
 #include "core/numerics/sine_basis.hpp"
 #include "core/solve/solve.hpp"
@@ -124,14 +125,16 @@ TEST(Shells, KeepTheWeightsWithFewerRates) {
   d.beside = {{16, 1 / 17., 0.5}};
   const Index J = 256;
   const ModalRecurrence given = modal_recurrence(d, Rule::exponential, 2.0 / double(J), RowMatrix());
-  const Shells shells = in_shells(given, J, 16, 4);
+  const Shells shells = find_shells(HostThreads(), given, J, 16, 4);
+  const ModalRecurrence fewer = in_shells(given, shells);
   EXPECT_LE(shells.error, 1e-11);
+  const Index groups = Index(shells.of_group.size());
   Index kept = 0;
-  for (const Index count : shells.counts) kept += count;
-  EXPECT_LT(kept, 24 * Index(shells.counts.size()) * 3 / 4);
-  for (std::size_t g = 0; g < shells.counts.size(); ++g)
-    EXPECT_TRUE(shells.recurrence.output.block(shells.counts[g], Index(g) * 16, 24 - shells.counts[g], 16).isZero(0));
-  const LagTable a = lag_table(given, J), b = lag_table(shells.recurrence, J);
+  for (Index g = 0; g < groups; ++g) kept += shells.kept(g);
+  EXPECT_LT(kept, 24 * groups * 3 / 4);
+  for (Index g = 0; g < groups; ++g)
+    EXPECT_TRUE(fewer.output.block(shells.kept(g), g * 16, 24 - shells.kept(g), 16).isZero(0));
+  const LagTable a = lag_table(given, J), b = lag_table(fewer, J);
   // Each lag weighs the kernel on two steps: twice the error of the fit, relative to the largest lag.
   const double scale = a.W.cwiseAbs().maxCoeff();
   EXPECT_LE((a.W - b.W).cwiseAbs().maxCoeff(), 1e-10 * scale);
@@ -145,11 +148,25 @@ TEST(Shells, FitEachFamilyAlone) {
   d.both_faces = true;
   const Index J = 256;
   const ModalRecurrence given = modal_recurrence(d, Rule::exponential, 2.0 / double(J), RowMatrix());
-  const Shells shells = in_shells(given, J, 16, 4);
+  const Shells shells = find_shells(HostThreads(), given, J, 16, 4);
   EXPECT_LE(shells.error, 1e-11);
-  EXPECT_LT(*std::min_element(shells.counts.begin(), shells.counts.end()), 24);
-  EXPECT_EQ(shells.counts[135 / 16], 24) << "the group of both families";
-  const LagTable a = lag_table(given, J), b = lag_table(shells.recurrence, J);
+  EXPECT_LT(shells.kept(0), 24);
+  EXPECT_EQ(shells.kept(135 / 16), 24) << "the group of both families";
+  const LagTable a = lag_table(given, J), b = lag_table(in_shells(given, shells), J);
+  EXPECT_LE((a.W - b.W).cwiseAbs().maxCoeff(), 1e-10 * a.W.cwiseAbs().maxCoeff());
+  EXPECT_LE((a.S - b.S).cwiseAbs().maxCoeff(), 1e-10 * a.W.cwiseAbs().maxCoeff());
+}
+
+// Coarse grids have the families of the finer one.
+TEST(Shells, OfCoarseGridsFitEachFamily) {
+  KroneckerDynamics d{{15, 1 / 16., 0.5}, {24, 1 / 25., 0.02}, Vector::Unit(24, 0), -Vector::Unit(24, 0)};
+  d.beside = {{9, 1 / 17., 0.5}};
+  d.both_faces = true;
+  const Index J = 128;
+  const ModalRecurrence coarse = coarsen(modal_recurrence(d, Rule::exponential, 1.0 / double(J), RowMatrix()));
+  EXPECT_EQ(coarse.families, 2);
+  const LagTable a = lag_table(coarse, J),
+                 b = lag_table(in_shells(coarse, find_shells(HostThreads(), coarse, J, 16, 4)), J);
   EXPECT_LE((a.W - b.W).cwiseAbs().maxCoeff(), 1e-10 * a.W.cwiseAbs().maxCoeff());
   EXPECT_LE((a.S - b.S).cwiseAbs().maxCoeff(), 1e-10 * a.W.cwiseAbs().maxCoeff());
 }
