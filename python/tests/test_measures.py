@@ -46,13 +46,14 @@ def test_means_of_forces_have_the_impulses_of_impacts(options):
         assert r.mean("y0", start, end) == pytest.approx(gravity + (v[1] - v[0]) / (end - start), abs=1e-9)
 
 
-@pytest.mark.parametrize("options", [{}, dict(method="events", steps=20), dict(method="march", steps=50)])
+@pytest.mark.parametrize("options", [{}, dict(method="events", steps=20), dict(method="march", steps=1000)])
 @pytest.mark.parametrize("rate", [20.0, 2e5])
 def test_of_layers_far_shorter_than_a_row(rate, options):
-    """x = e^{-rate t}, never in contact."""
+    """x = e^{-rate t}, never in contact. March with 1000 steps is off by (20/1000)^3/72 = 1e-7 of x where the rate is 20."""
     r = bromwich.solve(A=-rate, B=1, N=1, M=0, x0=1, T=1, **options)
-    assert r.mean("x0") == pytest.approx((1 - np.exp(-rate)) / rate, rel=1e-8)
-    assert r.rms("x0") == pytest.approx(np.sqrt((1 - np.exp(-2 * rate)) / (2 * rate)), rel=1e-8)
+    near = 5e-7 if options.get("method") == "march" else 1e-8
+    assert r.mean("x0") == pytest.approx((1 - np.exp(-rate)) / rate, rel=near)
+    assert r.rms("x0") == pytest.approx(np.sqrt((1 - np.exp(-2 * rate)) / (2 * rate)), rel=near)
 
 
 @pytest.mark.parametrize("method", ["auto", "events", "march", "euler", "multigrid", "dual"])
