@@ -19,6 +19,7 @@
 #include <nanobind/stl/pair.h>
 #include <nanobind/stl/shared_ptr.h>
 #include <nanobind/stl/string.h>
+#include <nanobind/stl/tuple.h>
 #include <nanobind/stl/vector.h>
 
 #include <filesystem>
@@ -240,8 +241,6 @@ void bind_circuits(nb::module_& m) {
         return std::tuple(found.crossover, found.phase, found.phase_crossover, found.gain);
       },
       nb::arg("frequencies"), nb::arg("gain"));
-  m.def(
-      "unwrapped_phase", [](const ComplexVector& values) { return owned(unwrapped_phase(values)); }, nb::arg("values"));
   m.def("circuit_map", &map_of, nb::arg("source"), nb::arg("steps"), nb::arg("columns"), nb::arg("options"),
         nb::arg("machine"), nb::arg("progress").none(), nb::arg("stop").none());
   m.def("read_circuit", &read, nb::arg("file"), nb::arg("settings"), nb::arg("period").none());
