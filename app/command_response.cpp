@@ -63,9 +63,8 @@ std::string in_words(const Responses& r, Index k) {
   if (is_gain(r.names[std::size_t(k)])) {
     const StabilityMargins m = stability_margins(r.frequencies, r.values.col(k));
     const std::string phase =
-        std::isnan(m.crossover)
-            ? "no crossover"
-            : fmt::format("crossover {}, phase margin {:.4g} degrees", hertz(m.crossover), m.phase);
+        std::isnan(m.crossover) ? "no crossover"
+                                : fmt::format("crossover {}, phase margin {:.4g} degrees", hertz(m.crossover), m.phase);
     return phase + (std::isnan(m.phase_crossover)
                         ? ", no phase crossover"
                         : fmt::format(", gain margin {:.4g} dB at {}", m.gain, hertz(m.phase_crossover)));
@@ -115,8 +114,8 @@ int run_response(const ResponseArguments& a) {
   const Words words = split_words(a.words, a.settings);
   const std::string scene = scene_name(words);
   if (!is_netlist(scene)) throw Error("SCENE", fmt::format("'{}' is no netlist", scene), "give a file .cir");
-  const Circuit circuit = read_circuit(scene, parse_settings(words.settings, scene),
-                                       a.periodic.empty() ? 0 : parse_period(a.periodic));
+  const Circuit circuit =
+      read_circuit(scene, parse_settings(words.settings, scene), a.periodic.empty() ? 0 : parse_period(a.periodic));
   check_files(a, circuit);
   const std::vector<double> frequencies =
       a.frequencies.empty() ? circuit.netlist->frequencies : parse_frequencies(a.frequencies);
@@ -131,14 +130,14 @@ int run_response(const ResponseArguments& a) {
   options.states = StateSelection::all;
   constexpr Index few = 16;  // located switches need no rows of their own
   options.steps = few;
-  const auto backend = choose_backend("cpu", circuit.scene, options, 0, a.threads.empty() ? 0 : parse_threads(a.threads));
+  const auto backend =
+      choose_backend("cpu", circuit.scene, options, 0, a.threads.empty() ? 0 : parse_threads(a.threads));
   const Result state = solve(circuit.scene, *backend, options);
   if (state.status != Status::solved) {
     complain(fmt::format("the periodic state is not solved: {}", one_line(state.reason)));
     return exit_not_solved;
   }
-  const std::vector<std::string> columns =
-      a.columns.empty() ? std::vector<std::string>{} : split_outside(a.columns);
+  const std::vector<std::string> columns = a.columns.empty() ? std::vector<std::string>{} : split_outside(a.columns);
   const Responses found = responses(circuit, *backend, state, columns, a.source, frequencies, "--columns");
   const report::ResponseCurves curves =
       curves_of(found, fmt::format("of {}, {:.6g} s", circuit.scene.name, circuit.scene.T));
@@ -155,7 +154,8 @@ int run_response(const ResponseArguments& a) {
   std::vector<std::string> files;
   for (const std::string& name : {a.out, a.report})
     if (!name.empty()) files.push_back(name);
-  print(text + fmt::format("output      {}\n", files.empty() ? "none; --out FILE.csv, --report FILE.html" : join(files)));
+  print(text +
+        fmt::format("output      {}\n", files.empty() ? "none; --out FILE.csv, --report FILE.html" : join(files)));
   return exit_solved;
 }
 

@@ -50,7 +50,8 @@ std::vector<double> frequencies_of(const std::string& kind, const std::vector<do
     if (numbers.size() != 3) refuse(fmt::format("has {} numbers", numbers.size()));
     const double points = numbers[0], first = numbers[1], last = numbers[2];
     if (!(points >= 1 && first > 0 && last >= first)) refuse(fmt::format("{} {} {} {}", kind, points, first, last));
-    const double intervals = kind == "lin" ? points - 1 : std::log(last / first) / std::log(kind == "dec" ? 10 : 2) * points;
+    const double intervals =
+        kind == "lin" ? points - 1 : std::log(last / first) / std::log(kind == "dec" ? 10 : 2) * points;
     if (!(intervals < most)) refuse(fmt::format("has {:.3g} frequencies, more than {:g}", intervals, most));
     all.clear();
     for (double k = 0; k <= intervals + rounding; ++k)

@@ -16,8 +16,8 @@ namespace bromwich::circuits {
 /// that it has and that are not read. Throws Error naming the place.
 std::set<std::string> read_analysis(const Card&, const Parameters&, Netlist&);
 
-/// dec, oct: `numbers` are points a decade or an octave, first and last; lin: points, first and last; list: these. Throws
-/// Error(where, ...).
+/// dec, oct: `numbers` are points a decade or an octave, first and last; lin: points, first and last; list: these.
+/// Throws Error(where, ...).
 std::vector<double> frequencies_of(const std::string& kind, const std::vector<double>& numbers,
                                    const std::string& where);
 

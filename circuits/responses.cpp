@@ -20,8 +20,8 @@ using circuits::lower;
 struct Wanted {
   std::string name, unit;
   enum Kind : char { probe, gain, impedance } kind = probe;
-  std::string source = {};                ///< of a gain
-  std::string from = {}, into = {};       ///< of an impedance
+  std::string source = {};                 ///< of a gain
+  std::string from = {}, into = {};        ///< of an impedance
   std::vector<std::size_t> of_probe = {};  ///< numbers among all probes
 };
 
@@ -72,8 +72,7 @@ class Reading {
     if (given.size() == 1)
       for (const CircuitElement& e : circuit_.elements)
         if (lower(e.name) == lower(given[0]) && e.kind == 'V' && e.from >= 0 && e.to >= 0)
-          return {word,         "", Wanted::gain, e.name, {}, {},
-                  {take(name_of(e.from)), take(name_of(e.to))}};
+          return {word, "", Wanted::gain, e.name, {}, {}, {take(name_of(e.from)), take(name_of(e.to))}};
     throw Error(where_, fmt::format("'{}' names no source of 0 V between two nodes", word),
                 "put one into the loop, its first node where the loop is controlled: gain(Vz)");
   }
@@ -82,7 +81,8 @@ class Reading {
 
   Wanted read_impedance(const std::string& word, const std::vector<std::string>& given) {
     if (given.empty() || given.size() > 2)
-      throw Error(where_, fmt::format("'{}' has {} nodes", word, given.size()), "write impedance(out) or impedance(a,b)");
+      throw Error(where_, fmt::format("'{}' has {} nodes", word, given.size()),
+                  "write impedance(out) or impedance(a,b)");
     const std::string from = given.size() == 2 ? given[1] : "0";
     return {word, "ohm", Wanted::impedance, {}, from, given[0], {take(fmt::format("V({},{})", given[0], from))}};
   }

@@ -3,8 +3,8 @@
 //
 // word                           response
 // V(out), I(L1), P(R1), ...      of a probe to one source, per volt or ampere; or to the AC amplitudes of the netlist
-// gain(Vz)                       of the loop that a source of 0 V stands in: -V(second node)/V(first node), Middlebrook 1975
-// impedance(out), impedance(a,b) V(a,b) for a current of 1 A from b to a; b is ground where it is not given
+// gain(Vz)                       of the loop that a source of 0 V stands in: -V(second node)/V(first node), Middlebrook
+// 1975 impedance(out), impedance(a,b) V(a,b) for a current of 1 A from b to a; b is ground where it is not given
 
 #include "circuits/small_signal.hpp"
 

@@ -119,8 +119,7 @@ Eigen::RowVectorXcd SmallSignals::of_source(const std::string& source, double fr
   throw Error(where_, fmt::format("there is no independent source '{}'", source), "name a source V or I");
 }
 
-Eigen::RowVectorXcd SmallSignals::of_current(const std::string& from, const std::string& into,
-                                             double frequency) const {
+Eigen::RowVectorXcd SmallSignals::of_current(const std::string& from, const std::string& into, double frequency) const {
   circuits::Netlist more = *circuit_.netlist;
   circuits::Element current;  // behind all others, whose numbers the probes have
   current.kind = 'I';
@@ -169,8 +168,7 @@ Eigen::MatrixXcd small_signals(const Circuit& c, Backend& backend, const Result&
                                const std::string& where) {
   const SmallSignals signals(c, backend, result, probes, where);
   Eigen::MatrixXcd all(Index(frequencies.size()), Index(probes.size()));
-  for (std::size_t k = 0; k < frequencies.size(); ++k)
-    all.row(Index(k)) = signals.of_source(source, frequencies[k]);
+  for (std::size_t k = 0; k < frequencies.size(); ++k) all.row(Index(k)) = signals.of_source(source, frequencies[k]);
   return all;
 }
 

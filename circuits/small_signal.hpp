@@ -48,8 +48,8 @@ class SmallSignals {
   const std::vector<Probe> probes_;
   const std::string where_;
   Vector start_, steps_;
-  std::vector<std::string> modes_;     ///< with which the period begins
-  double volts_ = 0, amperes_ = 0;     ///< amplitudes of sources
+  std::vector<std::string> modes_;  ///< with which the period begins
+  double volts_ = 0, amperes_ = 0;  ///< amplitudes of sources
   Matrix D_;
   std::vector<Period> by_state_;  ///< up and down for each state
 };

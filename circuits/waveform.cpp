@@ -106,8 +106,7 @@ Waveform pulse(const std::vector<double>& a, double stop, const Place& place, bo
 // SIN(offset amplitude frequency [delay [damping [degrees]]])
 Waveform sine(const std::vector<double>& a, bool settled) {
   const auto at = [&a](std::size_t i) { return i < a.size() ? a[i] : 0.0; };
-  const double offset = at(0), amplitude = at(1), omega = 2 * pi * at(2), delay = at(3), damping = at(4),
-               phase = at(5);
+  const double offset = at(0), amplitude = at(1), omega = 2 * pi * at(2), delay = at(3), damping = at(4), phase = at(5);
   const bool always = settled && damping == 0;
   Waveform w;
   w.constant = amplitude == 0 || (omega == 0 && damping == 0);

@@ -16,9 +16,7 @@ namespace bromwich::report {
 
 namespace {
 
-std::string quoted(const std::string& cell) {
-  return cell.find(',') == std::string::npos ? cell : '"' + cell + '"';
-}
+std::string quoted(const std::string& cell) { return cell.find(',') == std::string::npos ? cell : '"' + cell + '"'; }
 
 /// NAME of "abs(NAME)".
 std::string inner_name(const std::string& cell) { return cell.substr(4, cell.size() - 5); }
@@ -70,10 +68,10 @@ std::optional<ResponseCurves> read_response_table(const std::string& argument, c
   r.phases.resize(Index(rows.size()), count);
   for (std::size_t i = 0; i < rows.size(); ++i) {
     if (rows[i].size() != header.size())
-      throw Error(argument,
-                  fmt::format("'{}' has {} cells in row {} and {} names", path.string(), rows[i].size(), i,
-                              header.size()),
-                  "give a table that 'bromwich response --out' has written");
+      throw Error(
+          argument,
+          fmt::format("'{}' has {} cells in row {} and {} names", path.string(), rows[i].size(), i, header.size()),
+          "give a table that 'bromwich response --out' has written");
     r.frequencies[Index(i)] = number_of(rows[i][0]);
     for (Index k = 0; k < count; ++k) {
       r.sizes(Index(i), k) = number_of(rows[i][std::size_t(2 * k + 1)]);

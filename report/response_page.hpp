@@ -12,9 +12,9 @@
 namespace bromwich::report {
 
 struct ResponseCurves {
-  std::vector<std::string> names, units;  ///< units may be empty
-  Vector frequencies;                     ///< Hz
-  RowMatrix sizes, phases;                ///< frequencies x names; degrees
+  std::vector<std::string> names, units;                        ///< units may be empty
+  Vector frequencies;                                           ///< Hz
+  RowMatrix sizes, phases;                                      ///< frequencies x names; degrees
   std::vector<std::pair<std::string, std::string>> facts = {};  ///< rows of a table above the pictures
 };
 

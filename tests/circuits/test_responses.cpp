@@ -40,12 +40,14 @@ const std::string network = "R1 a b 2\nL1 b c 1m\nC1 c 0 1u\nR2 c 0 100\n.ac dec
 // About a square wave, and about rest, where the period is free: sources with AC of any size and phase.
 TEST(Responses, OfLinearNetworks) {
   for (const std::string source : {"PULSE(-5 5 0 0 0 50u 100u) AC 2 90\n.tran 1u 1m\n", "0 AC 2 90\n"}) {
-    const Responses r = found("V1 a 0 " + source + network, {"V(c)", "I(L1)", "impedance(c)", "impedance(b,c)"}, "", {});
+    const Responses r =
+        found("V1 a 0 " + source + network, {"V(c)", "I(L1)", "impedance(c)", "impedance(b,c)"}, "", {});
     ASSERT_EQ(r.frequencies.size(), 5u);
     EXPECT_EQ(r.units, (std::vector<std::string>{"V", "A", "ohm", "ohm"}));
     for (std::size_t k = 0; k < r.frequencies.size(); ++k) {
       EXPECT_NEAR(r.frequencies[k], 100 * std::pow(10, double(k) / 2), 1e-9 * r.frequencies[k]);
-      const Complex s(0, 2 * pi * r.frequencies[k]), load = 1.0 / (1.0 / 100 + s * 1e-6), coil = s * 1e-3, line = 2.0 + coil;
+      const Complex s(0, 2 * pi * r.frequencies[k]), load = 1.0 / (1.0 / 100 + s * 1e-6), coil = s * 1e-3,
+                                                     line = 2.0 + coil;
       const Complex ac(0, 2);  // of the magnitude 2 and the phase 90
       const auto row = r.values.row(Index(k));
       expect_near(row[0], ac * load / (line + load));
@@ -71,8 +73,13 @@ TEST(Responses, FrequenciesAreThoseOfSpice) {
   EXPECT_EQ(of("list", {5, 3}), (std::vector<double>{5, 3}));
   EXPECT_EQ(of("oct", {1, 10, 80}).size(), 4u);
   EXPECT_EQ(of("dec", {20, 100, 100e3}).size(), 61u);
-  for (const auto& [kind, n] : std::vector<std::pair<const char*, std::vector<double>>>{
-           {"dec", {0, 1, 2}}, {"dec", {5, 2, 1}}, {"dec", {5, 0, 1}}, {"dec", {1}}, {"list", {}}, {"list", {-1}}, {"x", {1, 1, 2}}})
+  for (const auto& [kind, n] : std::vector<std::pair<const char*, std::vector<double>>>{{"dec", {0, 1, 2}},
+                                                                                        {"dec", {5, 2, 1}},
+                                                                                        {"dec", {5, 0, 1}},
+                                                                                        {"dec", {1}},
+                                                                                        {"list", {}},
+                                                                                        {"list", {-1}},
+                                                                                        {"x", {1, 1, 2}}})
     EXPECT_THROW(of(kind, n), Error) << kind;
 }
 
@@ -102,7 +109,8 @@ TEST(Responses, SmallSinesTakeNoMoreSteps) {
     const Circuit c = parse_circuit(
         "t\nVin in 0 " + input +
             "\nE1 e 0 in 0 0.1\nVm m e -2.4\nRm m c 1k\nCm c 0 1n\nVs saw 0 PULSE(0 1 0 9.98u 10n 10n 10u)\n"
-            "B1 p 0 V={u(V(m) + V(c) - V(saw) + 0.4)}\nS1 in sw p 0 SI\nD1 0 sw DI\nL1 sw out 47u\nC1 out 0 100u\nR1 out 0 4\n"
+            "B1 p 0 V={u(V(m) + V(c) - V(saw) + 0.4)}\nS1 in sw p 0 SI\nD1 0 sw DI\nL1 sw out 47u\nC1 out 0 100u\nR1 "
+            "out 0 4\n"
             ".model SI SW(Ron=20m Roff=1Meg Vt=.5)\n.model DI D(Ron=15m Roff=1Meg Vfwd=0.45)\n.tran 1u 30u uic\n",
         "test.cir");
     const auto backend = make_cpu_backend(1);
