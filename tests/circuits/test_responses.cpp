@@ -4,6 +4,7 @@
 #include "circuits/analysis.hpp"
 #include "circuits/responses.hpp"
 #include "core/base/error.hpp"
+#include "core/result/located_solution.hpp"
 #include "tests/circuits/circuits.hpp"
 
 #include <gtest/gtest.h>
@@ -120,7 +121,7 @@ TEST(Responses, SmallSinesTakeNoMoreSteps) {
     options.states = StateSelection::all;
     const Result r = solve(c.scene, *backend, options);
     EXPECT_EQ(r.status, Status::solved) << r.reason;
-    return r.located ? r.located->pieces.size() : 0;
+    return r.located ? r.located->pieces.size() : std::size_t(0);
   };
   EXPECT_LT(steps("SIN(24 2.4e-8 1k)"), 10 * steps("SIN(24 2.4 1k)"));
 }
