@@ -7,6 +7,7 @@
 #include "core/build_info.hpp"
 #include "files/number_files.hpp"
 #include "report/page.hpp"
+#include "report/response_page.hpp"
 #include "report/sweep_page.hpp"
 
 #include <fmt/format.h>
@@ -44,21 +45,22 @@ int run_plot(const PlotArguments& arguments) {
   const std::string name = result_name(arguments);
   const std::string target = arguments.out.empty() ? fs::path(name).replace_extension(".html").string() : arguments.out;
   const OutputFile file("--out", target, ".html");
-  if (const auto sweep = report::read_sweep_table("RESULT", name)) {
-    const std::string page = report::sweep_page(*sweep, fs::path(name).filename().string(), build_info::version);
+  const std::string title = fs::path(name).filename().string();
+  const auto finish = [&](const std::string& page) {
     file.write([&page](std::FILE* out) { std::fwrite(page.data(), 1, page.size(), out); });
     print(fmt::format("{}\n", target));
     return exit_solved;
-  }
+  };
+  if (const auto sweep = report::read_sweep_table("RESULT", name))
+    return finish(report::sweep_page(*sweep, title, build_info::version));
+  if (const auto curves = report::read_response_table("RESULT", name))
+    return finish(report::response_page(*curves, title, build_info::version));
   report::Json summary = arguments.summary.empty() ? report::Json() : read_summary(arguments.summary);
   const Index constraints = summary.contains("sizes") ? summary["sizes"].value("constraints", Index(-1)) : Index(-1);
   report::ResultTable table = report::read_result("RESULT", name, constraints);
   if (arguments.summary.empty() && !table.summary.empty()) summary = report::Json::parse(table.summary, nullptr, false);
-  report::Report made{std::move(summary), std::move(table), fs::path(name).filename().string(), build_info::version};
-  const std::string page = report::page(made);
-  file.write([&page](std::FILE* out) { std::fwrite(page.data(), 1, page.size(), out); });
-  print(fmt::format("{}\n", target));
-  return exit_solved;
+  report::Report made{std::move(summary), std::move(table), title, build_info::version};
+  return finish(report::page(made));
 }
 
 }  // namespace bromwich::app

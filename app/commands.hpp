@@ -43,6 +43,12 @@ struct FitArguments {
   bool json = false;
 };
 
+struct ResponseArguments {
+  std::vector<std::string> words, settings;
+  std::string columns, source, frequencies, periodic, threads, out, report;
+  bool json = false;
+};
+
 struct DerivativeArguments {
   std::vector<std::string> words, settings;
   std::string by, columns, at, method, steps, tolerance, threads, out;
@@ -65,6 +71,7 @@ int run_solve(const SolveArguments& arguments);
 int run_bench(const BenchArguments& arguments);
 int run_plot(const PlotArguments& arguments);
 int run_check(const CheckArguments& arguments);
+int run_response(const ResponseArguments& arguments);
 int run_derivative(const DerivativeArguments& arguments);
 int run_fit(const FitArguments& arguments);
 int run_info();

@@ -23,7 +23,7 @@ namespace bromwich::app {
 
 namespace {
 
-const std::vector<std::string> commands{"scenes", "solve", "check", "plot", "derivative", "fit", "bench", "info"};
+const std::vector<std::string> commands{"scenes", "solve", "check", "plot", "response", "derivative", "fit", "bench", "info"};
 
 int refuse(const std::string& message) {
   complain(message);
@@ -87,6 +87,7 @@ int run(int argc, char** argv) {
   SolveArguments solve_arguments;
   CheckArguments check_arguments;
   PlotArguments plot_arguments;
+  ResponseArguments response_arguments;
   DerivativeArguments derivative_arguments;
   FitArguments fit_arguments;
   BenchArguments bench_arguments;
@@ -96,6 +97,7 @@ int run(int argc, char** argv) {
   const CLI::App* solve = add_command(app, solve_arguments);
   const CLI::App* check = add_command(app, check_arguments);
   const CLI::App* plot = add_command(app, plot_arguments);
+  const CLI::App* response = add_command(app, response_arguments);
   const CLI::App* derivative = add_command(app, derivative_arguments);
   const CLI::App* fit = add_command(app, fit_arguments);
   const CLI::App* bench = add_command(app, bench_arguments);
@@ -124,6 +126,7 @@ int run(int argc, char** argv) {
   if (solve->parsed()) return run_solve(solve_arguments);
   if (check->parsed()) return run_check(check_arguments);
   if (plot->parsed()) return run_plot(plot_arguments);
+  if (response->parsed()) return run_response(response_arguments);
   if (derivative->parsed()) return run_derivative(derivative_arguments);
   if (fit->parsed()) return run_fit(fit_arguments);
   return bench->parsed() ? run_bench(bench_arguments) : run_info();

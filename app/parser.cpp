@@ -179,6 +179,30 @@ CLI::App* add_command(CLI::App& app, PlotArguments& a) {
   return command;
 }
 
+CLI::App* add_command(CLI::App& app, ResponseArguments& a) {
+  CLI::App* command = app.add_subcommand("response", "small signals of a netlist about its periodic state");
+  command->add_option("SCENE", a.words, "a netlist .cir")->option_text(" ");
+  add_settings(command, a.settings);
+  add_word(command, "--columns", a.columns, "LIST",
+           "V(out), I(L1), ...: to the AC of the sources, or to --source; gain(Vz): of the loop that a source of 0 V "
+           "stands in; impedance(out), impedance(a,b); default: all voltages");
+  add_word(command, "--source", a.source, "NAME", "the responses to 1 V or 1 A of this source, in place of all AC");
+  add_word(command, "--frequencies", a.frequencies, "LIST",
+           "'dec 20 100 100k' as .ac has it, also oct and lin, or 100,1k,10k; default: those of .ac");
+  add_word(command, "--periodic", a.periodic, "T", "the period; default: the least common one of the sources");
+  add_word(command, "--threads", a.threads, "N", "threads; default: all cores");
+  add_word(command, "--out", a.out, "FILE.csv", "write frequency and of each column abs(...) and phase(...), degrees");
+  add_word(command, "--report", a.report, "FILE.html", "write a page with sizes in dB and phases over frequency");
+  command->add_flag("--json", a.json, "print one JSON object instead of the lines");
+  command->footer(
+      "Switches move with the signal: no averaged model is made. Of a gain the margins of phase and gain are printed.\n"
+      "Examples:\n"
+      "  bromwich response buck.cir --source Vin --frequencies 'dec 20 100 50k' --report bode.html\n"
+      "  bromwich response loop.cir --columns 'gain(Vz),impedance(out)' --out loop.csv && bromwich plot loop.csv\n"
+      "Exit code: 0 found, 2 bad input, 3 the periodic state is not solved.");
+  return command;
+}
+
 /// How a command that is not about solving solves its scene.
 template <class Arguments>
 void add_solve(CLI::App* command, Arguments& a) {

@@ -14,6 +14,7 @@ namespace bromwich::app {
 CLI::App* add_command(CLI::App&, SolveArguments&);
 CLI::App* add_command(CLI::App&, CheckArguments&);
 CLI::App* add_command(CLI::App&, PlotArguments&);
+CLI::App* add_command(CLI::App&, ResponseArguments&);
 CLI::App* add_command(CLI::App&, DerivativeArguments&);
 CLI::App* add_command(CLI::App&, FitArguments&);
 CLI::App* add_command(CLI::App&, BenchArguments&);

@@ -5,9 +5,13 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
+#include <numbers>
 
 namespace bromwich::circuits {
+
+namespace {
 
 std::set<std::string> read_tran(const Card& card, const Parameters& parameters, Netlist& netlist) {
   std::set<std::string> unread;
@@ -32,6 +36,57 @@ std::set<std::string> read_tran(const Card& card, const Parameters& parameters, 
   return unread;
 }
 
+}  // namespace
+
+std::vector<double> frequencies_of(const std::string& kind, const std::vector<double>& numbers,
+                                   const std::string& where) {
+  constexpr double most = 1e5, rounding = 1e-9;  // frequencies; of an interval
+  const auto refuse = [&](const std::string& found) {
+    throw Error(where, found, "write dec 20 100 100k: points a decade, first and last frequency");
+  };
+  std::vector<double> all = numbers;
+  if (kind != "list") {
+    if (kind != "dec" && kind != "oct" && kind != "lin") refuse(fmt::format("'{}' is unknown", kind));
+    if (numbers.size() != 3) refuse(fmt::format("has {} numbers", numbers.size()));
+    const double points = numbers[0], first = numbers[1], last = numbers[2];
+    if (!(points >= 1 && first > 0 && last >= first)) refuse(fmt::format("{} {} {} {}", kind, points, first, last));
+    const double intervals =
+        kind == "lin" ? points - 1 : std::log(last / first) / std::log(kind == "dec" ? 10 : 2) * points;
+    if (!(intervals < most)) refuse(fmt::format("has {:.3g} frequencies, more than {:g}", intervals, most));
+    all.clear();
+    for (double k = 0; k <= intervals + rounding; ++k)
+      all.push_back(kind == "lin" ? first + (last - first) * k / std::max(1.0, intervals)
+                                  : first * std::pow(kind == "dec" ? 10 : 2, k / points));
+  }
+  if (all.empty()) refuse("has no frequency");
+  for (const double f : all)
+    if (!(f > 0 && std::isfinite(f))) refuse(fmt::format("found the frequency {}", f));
+  return all;
+}
+
+std::set<std::string> read_analysis(const Card& card, const Parameters& parameters, Netlist& netlist) {
+  if (card.words[0] == ".tran") return read_tran(card, parameters, netlist);
+  if (card.words[0] != ".ac") return {};
+  std::vector<double> numbers;
+  for (std::size_t i = 2; i < card.words.size(); ++i)
+    numbers.push_back(parameters.value(card.words[i], card.place, ".ac"));
+  netlist.frequencies = frequencies_of(card.words.size() > 1 ? card.words[1] : "", numbers, to_string(card.place));
+  return {};
+}
+
+std::complex<double> read_signal(const std::vector<std::string>& words, const Parameters& parameters,
+                                 const Place& place) {
+  std::string all;
+  for (const std::string& word : words) all += word + " ";
+  const std::vector<std::string> list = split_arguments(all);
+  const auto at = std::find(list.begin(), list.end(), "ac");
+  if (at == list.end()) return 0;
+  std::vector<double> given;
+  for (auto next = at + 1; next != list.end() && given.size() < 2 && is_number(*next); ++next)
+    given.push_back(parameters.value(*next, place, "AC"));
+  return (given.empty() ? 1 : given[0]) * std::polar(1.0, given.size() < 2 ? 0 : given[1] * std::numbers::pi / 180);
+}
+
 void close_period(Netlist& netlist, double wanted, const std::string& file_name) {
   std::vector<double> periods;
   for (const Element& e : netlist.elements) {
@@ -41,7 +96,9 @@ void close_period(Netlist& netlist, double wanted, const std::string& file_name)
                   "give PULSE with a period, SIN without damping, or a constant");
     periods.push_back(e.source.period);
   }
-  const double T = wanted > 0 ? wanted : common_period(periods);
+  double T = wanted > 0 ? wanted : common_period(periods);
+  if (const auto& f = netlist.frequencies; !(T > 0) && periods.empty() && !f.empty())
+    T = 1 / std::sqrt(*std::min_element(f.begin(), f.end()) * *std::max_element(f.begin(), f.end()));
   if (!(T > 0))
     throw Error(file_name, periods.empty() ? "has no source with a period" : "its sources have no common period",
                 "give one, --periodic 1m");

@@ -24,7 +24,7 @@ namespace {
 
 const std::set<std::string> skipped{".options", ".option",   ".opt",   ".save",  ".probe", ".print",
                                     ".plot",    ".backanno", ".title", ".width", ".temp",  ".global"};
-const std::set<std::string> other_analyses{".op", ".dc", ".ac", ".noise", ".tf", ".four", ".net", ".wave"};
+const std::set<std::string> other_analyses{".op", ".dc", ".noise", ".tf", ".four", ".net", ".wave"};
 
 // How many words an element has before its values.
 std::size_t nodes_of(char kind) { return kind == 'E' || kind == 'G' || kind == 'S' ? 4 : 2; }
@@ -59,8 +59,7 @@ class Flattening {
     }
     for (const Card& card : level.cards)
       if (card.words[0] == ".step") take_step(card, scope);
-    for (const Card& card : level.cards)
-      if (card.words[0] == ".tran") unread_.merge(read_tran(card, scope.parameters, netlist_));
+    for (const Card& card : level.cards) unread_.merge(read_analysis(card, scope.parameters, netlist_));
     for (const Card& card : level.cards) take(card, scope);
     netlist_.parameters = scope.parameters.values();
     for (const auto& [words, what] : {std::pair(&used_skipped_, "skipped: "), {&unread_, "not read: "}}) {
@@ -196,6 +195,7 @@ class Flattening {
       case 'V':
       case 'I':
         e.source = read_waveform(rest, scope.parameters, card.place, netlist_.stop, netlist_.periodic);
+        e.signal = read_signal(rest, scope.parameters, card.place);
         if (const auto r = given("rser"); r && *r != 0 && e.kind == 'V') parasitic(card, "rser", *r, e);
         return;
       case 'D':
@@ -286,7 +286,7 @@ class Flattening {
   void take_directive(const Card& card, const Scope& scope) {
     const std::string& word = card.words[0];
     if (word == ".param" || word == ".params" || word == ".func" || word == ".model" || word == ".tran" ||
-        word == ".step")
+        word == ".ac" || word == ".step")
       return;
     if (word == ".ic" || word == ".nodeset") {
       for (const auto& [name, value] : card.given)
@@ -390,9 +390,9 @@ Netlist read_netlist(std::string_view text, const std::string& file_name, const 
   netlist.periodic = period.has_value();
   const Level level = sort_cards(deck.cards);
   Flattening(netlist, settings, deck.control).top(level);
-  if (!(netlist.stop > 0)) throw Error(file_name, "there is no .tran", "add .tran STEP STOP");
   if (netlist.elements.empty()) throw Error(file_name, "there is no element", "add elements behind the title line");
   if (period) close_period(netlist, *period, file_name);
+  if (!(netlist.stop > 0)) throw Error(file_name, "there is no .tran", "add .tran STEP STOP");
   return netlist;
 }
 

@@ -5,6 +5,7 @@
 #include "circuits/waveform.hpp"
 
 #include <cmath>
+#include <complex>
 #include <map>
 #include <optional>
 #include <string>
@@ -67,6 +68,7 @@ struct Element {
   double value = 0;                ///< ohm, F, H, gain
   std::optional<double> initial;   ///< IC=; of S and W 1 for ON
   Waveform source;                 ///< V, I
+  std::complex<double> signal;     ///< V, I: of a small-signal analysis, AC
   std::string controlled_by;       ///< F, H, W: a voltage source, in lower case
   DiodeModel diode;
   SwitchModel gate;
@@ -93,6 +95,7 @@ struct Netlist {
   std::map<std::string, double> parameters;             ///< .param of the top level
   double step = 0, stop = 0, start = 0;                 ///< .tran; step 0: not given
   bool use_initial = false;                             ///< uic
+  std::vector<double> frequencies;                      ///< .ac, Hz
   bool periodic = false;                                ///< stop is the period
   std::vector<std::pair<Place, std::string>> measures;  ///< .meas of the top level, as they are written
   std::vector<CircuitStep> steps;                       ///< .step, without parameters that settings fix

@@ -14,6 +14,7 @@
 #include "circuits/probe.hpp"
 
 #include <complex>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -21,10 +22,39 @@ namespace bromwich {
 
 class Backend;
 
-/// The probes for a voltage or current of 1 V or 1 A of `source`, an independent source: frequencies x probes. The
-/// circuit is that of a periodic state and the result is its solution. `frequencies` in Hz. Throws Error naming
-/// `where`: a source that is none, a result that is not solved, a change of the source that changes the sequence of
-/// modes, or where e^{jwT} is a multiplier of the period.
+/// The probes about a periodic state, for any source and frequency. Throws Error naming `where`: a result that is not
+/// the solved periodic state of the circuit; a change of the source that changes the sequence of modes; a frequency at
+/// which e^{jwT} is a multiplier of the period.
+class SmallSignals {
+ public:
+  SmallSignals(const Circuit&, Backend&, const Result&, std::vector<Probe>, std::string where);
+  ~SmallSignals();
+
+  /// A value a probe, for 1 V or 1 A of an independent source; `frequency` in Hz.
+  Eigen::RowVectorXcd of_source(const std::string& source, double frequency) const;
+  /// The same for 1 A that is taken from the first node and put into the second one.
+  Eigen::RowVectorXcd of_current(const std::string& from, const std::string& into, double frequency) const;
+
+ private:
+  struct Period;
+  Eigen::RowVectorXcd of_element(std::size_t element, const circuits::Netlist&, double frequency) const;
+  Period solved(Circuit, const Vector& x0) const;
+  Eigen::RowVectorXcd spectrum(const Period&, double omega) const;
+  void look_at_sizes(const Result&);
+  void differentiate_by_states();
+
+  const Circuit& circuit_;
+  Backend& backend_;
+  const std::vector<Probe> probes_;
+  const std::string where_;
+  Vector start_, steps_;
+  std::vector<std::string> modes_;  ///< with which the period begins
+  double volts_ = 0, amperes_ = 0;  ///< amplitudes of sources
+  Matrix D_;
+  std::vector<Period> by_state_;  ///< up and down for each state
+};
+
+/// frequencies x probes, of one source.
 Eigen::MatrixXcd small_signals(const Circuit&, Backend&, const Result&, const std::string& source,
                                const std::vector<double>& frequencies, const std::vector<Probe>&,
                                const std::string& where);

@@ -102,6 +102,8 @@ std::optional<double> spice_number(const std::string& word) {
   return value;
 }
 
+bool is_number(const std::string& word) { return spice_number(word) || without_braces(word) != word; }
+
 std::string without_braces(const std::string& s) {
   if (s.size() >= 2 && ((s.front() == '{' && s.back() == '}') || (s.front() == '\'' && s.back() == '\'') ||
                         (s.front() == '"' && s.back() == '"')))

@@ -12,6 +12,8 @@ namespace bromwich::circuits {
 
 /// 4k7 = 4700, 10uF = 1e-5, 1meg = 1e6, 1F = 1e-15 (f is femto). Empty: the word is no number.
 std::optional<double> spice_number(const std::string& word);
+/// Whether it is one, or an expression in braces or quotes.
+bool is_number(const std::string& word);
 
 /// Parameters of one scope: .param, .func, and those of the scopes around it.
 class Parameters {

@@ -106,20 +106,19 @@ Waveform pulse(const std::vector<double>& a, double stop, const Place& place, bo
 // SIN(offset amplitude frequency [delay [damping [degrees]]])
 Waveform sine(const std::vector<double>& a, bool settled) {
   const auto at = [&a](std::size_t i) { return i < a.size() ? a[i] : 0.0; };
-  const double offset = at(0), amplitude = at(1), omega = 2 * pi * at(2), delay = at(3), damping = at(4),
-               phase = at(5) * pi / 180;
+  const double offset = at(0), amplitude = at(1), omega = 2 * pi * at(2), delay = at(3), damping = at(4), phase = at(5);
   const bool always = settled && damping == 0;
   Waveform w;
   w.constant = amplitude == 0 || (omega == 0 && damping == 0);
   w.value = [=](double t) {
     const double s = always ? t - delay : std::max(0.0, t - delay);
-    return offset + amplitude * (damping == 0 ? 1 : std::exp(-s * damping)) * std::sin(omega * s + phase);
+    return offset + amplitude * (damping == 0 ? 1 : std::exp(-s * damping)) * sine_of(omega * s, phase);
   };
   w.slope = [=](double t) {
     const double s = t - delay;
     if (s < 0 && !always) return 0.0;
     return amplitude * std::exp(-s * damping) *
-           (omega * std::cos(omega * s + phase) - damping * std::sin(omega * s + phase));
+           (omega * sine_of(omega * s, phase + 90) - damping * sine_of(omega * s, phase));
   };
   w.breakpoints = [delay, always](double T) {
     return !always && delay > 0 && delay < T ? std::vector<double>{delay} : std::vector<double>{};
@@ -198,6 +197,20 @@ Waveform constant_waveform(double value) {
   return w;
 }
 
+double sine_of(double angle, double phase) {
+  const double quarters = std::round(phase / 90), rest = (phase - 90 * quarters) * pi / 180;
+  switch (int(quarters - 4 * std::floor(quarters / 4))) {
+    case 0:
+      return std::sin(angle + rest);
+    case 1:
+      return std::cos(angle + rest);
+    case 2:
+      return -std::sin(angle + rest);
+    default:
+      return -std::cos(angle + rest);
+  }
+}
+
 double common_period(const std::vector<double>& periods) {
   constexpr double most = 1e4, rounding = 1e-9;
   if (periods.empty()) return 0;
@@ -250,7 +263,7 @@ Waveform read_waveform(const std::vector<std::string>& words, const Parameters& 
       continue;
     }
     if (word == "ac") {  // magnitude and phase of a small-signal analysis
-      while (i + 1 < list.size() && spice_number(list[i + 1])) ++i;
+      while (i + 1 < list.size() && is_number(list[i + 1])) ++i;
       continue;
     }
     const std::vector<std::string> rest(list.begin() + long(i) + 1, list.end());

@@ -21,6 +21,9 @@ struct Waveform {
 
 Waveform constant_waveform(double value);
 
+/// sin(angle + phase), the phase in degrees: exact where a multiple of 90 makes it 0, so that what begins with 0 does.
+double sine_of(double angle, double phase);
+
 /// Of a card `V name n+ n- [DC v] [AC ...] [PULSE(...)]`: `words` behind the nodes. `stop`: of .tran, default of times.
 /// `settled`: as it is long after its delay, also before. Throws Error naming the place.
 Waveform read_waveform(const std::vector<std::string>& words, const Parameters&, const Place&, double stop,

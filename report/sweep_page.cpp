@@ -3,7 +3,7 @@
 #include "core/base/error.hpp"
 #include "report/charts.hpp"
 #include "report/page_pieces.hpp"
-#include "report/page_style.hpp"
+#include "report/plain_page.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -19,31 +19,6 @@ namespace bromwich::report {
 namespace {
 
 using Cells = std::vector<std::string>;
-
-/// Cells between commas, which may stand in quotes.
-Cells cells_of(const std::string& line) {
-  Cells cells{""};
-  bool quoted = false;
-  for (std::size_t i = 0; i < line.size(); ++i) {
-    if (line[i] == '"' && quoted && i + 1 < line.size() && line[i + 1] == '"')
-      cells.back() += line[++i];
-    else if (line[i] == '"')
-      quoted = !quoted;
-    else if (line[i] == ',' && !quoted)
-      cells.emplace_back();
-    else if (line[i] != '\r')
-      cells.back() += line[i];
-  }
-  return cells;
-}
-
-double number_of(const std::string& cell) {
-  try {
-    return std::stod(cell);
-  } catch (const std::exception&) {
-    return NAN;
-  }
-}
 
 StoredSweep read_rows(const std::string& argument, const std::filesystem::path& path) {
   std::ifstream in(path);
@@ -162,14 +137,11 @@ std::optional<StoredSweep> read_sweep_table(const std::string& argument, const s
 
 std::string sweep_page(const StoredSweep& rows, const std::string& name, const std::string& version) {
   const auto solved = std::count(rows.status.begin(), rows.status.end(), "solved");
-  return fmt::format(
-      "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\"/>\n"
-      "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"/>\n"
-      "<meta name=\"color-scheme\" content=\"light dark\"/>\n<title>{0} – bromwich</title>\n<style>\n{1}</style>\n"
-      "</head>\n<body>\n<main>\n<h1>{0}</h1>\n<p>{2} of {3} scenes solved, over {4}.</p>\n{5}"
-      "<footer>{0} · bromwich {6}</footer>\n</main>\n</body>\n</html>\n",
-      escaped(name), page_style, solved, rows.status.size(),
-      escaped(fmt::format("{}", fmt::join(rows.parameters, ", "))), pictures(rows), escaped(version));
+  const std::string over = fmt::format("{}", fmt::join(rows.parameters, ", "));
+  return plain_page(name,
+                    fmt::format("<p>{} of {} scenes solved, over {}.</p>\n{}", solved, rows.status.size(),
+                                escaped(over), pictures(rows)),
+                    version);
 }
 
 }  // namespace bromwich::report

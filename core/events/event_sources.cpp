@@ -19,7 +19,7 @@ void drop_rounding_of_time(double t, double h, LegendreCoefficients& c, Vector& 
   const double rounding = 32 * epsilon * (t + h) / h;
   if (rounding < 32 * seen) return;
   for (Index i = 0; i < c.cols(); ++i) {
-    unknown[i] = rounding * c.col(i).tail(c.rows() - 1).cwiseAbs().sum();
+    unknown[i] += rounding * c.col(i).tail(c.rows() - 1).cwiseAbs().sum();
     for (Index k = c.rows() - 1; k > 0 && std::abs(c(k, i)) <= unknown[i]; --k) c(k, i) = 0;
   }
 }
@@ -138,6 +138,10 @@ void EventSources::sample(const Source& source, double t, double h, LegendreCoef
     transform(c.from_samples, in_time);
   }
   source.shapes.add(in_time, coefficients);
+  // Of terms that cancel, such as a level and the signal that is compared with it.
+  constexpr double of_terms = 8 * epsilon;
+  for (Index k = 0; k < source.count; ++k) of_time_[k] = of_terms * in_time.col(k).cwiseAbs().sum();
+  source.shapes.add_terms(of_time_, unknown);
   drop_rounding_of_time(t, h, coefficients, unknown);
   if (source.linear) return;
   for (Index k = 0; k < c.checks.size(); ++k) {

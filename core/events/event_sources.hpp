@@ -46,7 +46,7 @@ class EventSources {
   struct Polynomials {
     LegendreCoefficients f, g;    ///< of m and n components
     Vector off_f, off_g;          ///< largest differences from the sources that were seen, m and n values
-    Vector unknown_f, unknown_g;  ///< differences up to these are rounding of t
+    Vector unknown_f, unknown_g;  ///< differences up to these are rounding of t or of terms
   };
   /// On [t, t + h], which no breakpoint divides; the differences are those at Collocation::checks.
   Polynomials sample(double t, double h) const;

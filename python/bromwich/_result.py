@@ -231,36 +231,65 @@ class Result(Rows):
         relative to that one; NaN without it."""
         return _netlist(self, name).distortion(self._answer, name, *self._between(start, end))
 
-    def frequency_response(self, name: str, source: str, frequencies: Any) -> np.ndarray:
+    def frequency_response(self, name: str, source: str | None = None, frequencies: Any = None) -> np.ndarray:
         """Of the periodic state of a circuit: what a small sine of a source does to an output at the same frequency, as a
         complex number for each of ``frequencies`` in Hz.
 
-        An output impedance is the voltage of a node by an ``I`` source of 0 A into it. Switches move with the signal, and gates
-        and modes with memory do: no averaged model is made, and no transient is computed.
+        Switches move with the signal, and gates and modes with memory do: no averaged model is made, and no transient is
+        computed.
 
         Args:
-            name: an output, a difference or a power.
-            source: an independent source, ``"V1"`` or ``"I1"``.
+            name: an output, a difference or a power; or ``"gain(Vz)"``, ``"impedance(out)"``, ``"impedance(a,b)"``.
+            source: an independent source, ``"V1"`` or ``"I1"``; None: all with ``AC`` in the netlist.
+            frequencies: None: those of ``.ac``.
 
         Example:
             >>> p = solve(circuit("buck.cir").periodic())
             >>> np.abs(p.frequency_response("V(out)", "Vin", [100, 1e3, 10e3]))
         """
-        return self._responses([name], source, frequencies)[:, 0]
+        return self._responses([name], source, frequencies)[1][:, 0]
 
-    def loop_gain(self, source: str, frequencies: Any) -> np.ndarray:
+    def loop_gain(self, source: str, frequencies: Any = None) -> np.ndarray:
         """Of the periodic state of a circuit: the gain of the loop that a source ``V`` of 0 V is put into, -V(second)/V(first node).
 
         The first node of the source is the input of what controls, the second one the output that is fed back (Middlebrook
         1975); the loop is stable where the gain has less than 180 degrees of lag at 1.
         """
-        first, second = _netlist(self, "source").nodes(source)
-        found = self._responses([first, second], source, frequencies)
-        return -found[:, 1] / found[:, 0]
+        return self.frequency_response(f"gain({source})", None, frequencies)
 
-    def _responses(self, names: list[str], source: str, frequencies: Any) -> np.ndarray:
-        at = np.atleast_1d(np.asarray(frequencies, dtype=float))
-        return _netlist(self, names[0]).responses(self._answer, names, source, at.tolist())
+    def stability_margins(self, source: str, frequencies: Any = None) -> dict[str, float]:
+        """Of the loop of :meth:`loop_gain`: ``crossover`` in Hz, where the size falls below 1, and the margin of ``phase`` there
+        in degrees; ``phase_crossover`` in Hz, where the phase falls below -180 degrees, and the margin of ``gain`` there in
+        dB. NaN where there is none within the frequencies.
+        """
+        at, found = self._responses([f"gain({source})"], None, frequencies)
+        names = ("crossover", "phase", "phase_crossover", "gain")
+        return dict(zip(names, _core.stability_margins(at.tolist(), found[:, 0])))
+
+    def output_impedance(self, node: str, frequencies: Any = None) -> np.ndarray:
+        """Of the periodic state of a circuit: V(node) for a current of 1 A into it, ohm; ``"a,b"``: between two nodes."""
+        return self.frequency_response(f"impedance({node})", None, frequencies)
+
+    def bode(self, *names: str, source: str | None = None, frequencies: Any = None) -> Any:
+        """Draws sizes in dB and phases of :meth:`frequency_response` over frequency. Returns the two axes."""
+        import matplotlib.pyplot as plt
+
+        at, found = self._responses(list(names), source, frequencies)
+        figure, (size, phase) = plt.subplots(2, 1, sharex=True, layout="constrained")
+        for name, values in zip(names, found.T):
+            size.semilogx(at, 20 * np.log10(np.abs(values)), label=name)
+            phase.semilogx(at, np.degrees(np.unwrap(np.angle(values))), label=name)
+        size.set_ylabel("size / dB")
+        phase.set_ylabel("phase / degrees")
+        phase.set_xlabel("frequency / Hz")
+        size.legend(frameon=False)
+        return size, phase
+
+    def _responses(self, names: list[str], source: str | None, frequencies: Any) -> tuple[np.ndarray, np.ndarray]:
+        netlist = _netlist(self, names[0])
+        at = np.atleast_1d(np.asarray(netlist.frequencies if frequencies is None else frequencies, dtype=float))
+        require(at.size > 0, "frequencies", "give some; the netlist has no .ac")
+        return at, netlist.responses(self._answer, names, source or "", at.tolist())
 
     def _between(self, start: float | None, end: float | None) -> tuple[float, float]:
         first, last = self._span()

@@ -8,7 +8,7 @@
 #include "circuits/measures.hpp"
 #include "circuits/operating_map.hpp"
 #include "circuits/probe.hpp"
-#include "circuits/small_signal.hpp"
+#include "circuits/responses.hpp"
 #include "core/base/error.hpp"
 #include "machine.hpp"
 
@@ -19,6 +19,7 @@
 #include <nanobind/stl/pair.h>
 #include <nanobind/stl/shared_ptr.h>
 #include <nanobind/stl/string.h>
+#include <nanobind/stl/tuple.h>
 #include <nanobind/stl/vector.h>
 
 #include <filesystem>
@@ -211,27 +212,17 @@ void bind_circuits(nb::module_& m) {
                                 [&](const CircuitWaveforms& w) { return numbers(probe, w).distortion; });
           },
           nb::arg("answer"), nb::arg("text"), nb::arg("start"), nb::arg("end"))
+      .def_prop_ro("frequencies", [](const Circuit& c) { return c.netlist->frequencies; })
       .def(
           "responses",
-          [](const Circuit& c, const Answer& answer, const std::vector<std::string>& names, const std::string& source,
+          [](const Circuit& c, const Answer& answer, const std::vector<std::string>& words, const std::string& source,
              const std::vector<double>& frequencies) {
-            std::vector<Probe> probes;
-            for (const std::string& name : names) probes.emplace_back(c, name, "name");
             return nb::cast(interruptible([&] {
               const std::lock_guard lock(answer.machine->busy);
-              return small_signals(c, *answer.machine->backend, answer.result, source, frequencies, probes, "source");
+              return responses(c, *answer.machine->backend, answer.result, words, source, frequencies, "name").values;
             }));
           },
-          nb::arg("answer"), nb::arg("names"), nb::arg("source"), nb::arg("frequencies"), "frequencies x names")
-      .def(
-          "nodes",
-          [](const Circuit& c, const std::string& name) {
-            for (const CircuitElement& e : c.elements)
-              if (circuits::lower(e.name) == circuits::lower(name) && e.from >= 0 && e.to >= 0)
-                return std::pair(c.outputs[std::size_t(e.from)].name, c.outputs[std::size_t(e.to)].name);
-            throw Error("source", "there is no element '" + name + "' between two nodes", "name a source V of 0 V");
-          },
-          nb::arg("name"))
+          nb::arg("answer"), nb::arg("words"), nb::arg("source"), nb::arg("frequencies"), "frequencies x words")
       .def(
           "unit", [](const Circuit& c, const std::string& text) { return Probe(c, text, "name").unit(); },
           nb::arg("text"));
@@ -243,6 +234,13 @@ void bind_circuits(nb::module_& m) {
             new (s) NetlistSource{std::move(text), std::move(name), std::move(folder), std::move(settings), period};
           },
           nb::arg("text"), nb::arg("name"), nb::arg("folder"), nb::arg("settings"), nb::arg("period").none());
+  m.def(
+      "stability_margins",
+      [](const std::vector<double>& frequencies, const ComplexVector& gain) {
+        const StabilityMargins found = stability_margins(frequencies, gain);
+        return std::tuple(found.crossover, found.phase, found.phase_crossover, found.gain);
+      },
+      nb::arg("frequencies"), nb::arg("gain"));
   m.def("circuit_map", &map_of, nb::arg("source"), nb::arg("steps"), nb::arg("columns"), nb::arg("options"),
         nb::arg("machine"), nb::arg("progress").none(), nb::arg("stop").none());
   m.def("read_circuit", &read, nb::arg("file"), nb::arg("settings"), nb::arg("period").none());

@@ -210,3 +210,14 @@ def test_elements_with_memory_and_expressions():
     assert last["V(q)"][1] == 0 or last["V(q)"][1] == 1
     with pytest.raises(bromwich.Error, match="both or none"):
         c.B("B2", "o", 0)
+
+
+def test_responses_of_a_low_pass():
+    """1/(1 + s RC) about the operating point; the impedance is R beside C."""
+    r = bromwich.solve(bromwich.circuit("low pass\nV1 a 0 0 AC 1\nR1 a b 1k\nC1 b 0 1u\n.ac dec 1 10 1k\n").periodic())
+    known = 1 / (1 + 2j * np.pi * np.array([10, 100, 1000]) * 1e-3)
+    np.testing.assert_allclose(r.frequency_response("V(b)"), known, rtol=1e-7)
+    np.testing.assert_allclose(r.output_impedance("b"), 1e3 * known, rtol=1e-7)
+    np.testing.assert_allclose(r.frequency_response("V(b)", "V1", 100), known[1:2], rtol=1e-7)
+    with pytest.raises(bromwich.Error):
+        r.loop_gain("V1")

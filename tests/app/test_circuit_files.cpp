@@ -67,6 +67,35 @@ TEST_F(CliCircuit, ColumnsAreOutputsAndExpressions) {
   EXPECT_NE(unknown.err.find("'V(c)' has no node 'c'"), std::string::npos) << unknown.err;
 }
 
+// An RC low pass about its operating point: 1/(1 + s RC), and R beside C as the impedance.
+TEST_F(CliCircuit, ResponsesAsTableAndPage) {
+  write("c.cir", "low pass\nV1 a 0 0 AC 1\nR1 a b 1k\nC1 b 0 1u\n.ac dec 1 10 1k\n");
+  const Outcome found = run("response c.cir --columns 'V(b),impedance(b),impedance(a,b)' --out c.csv --report c.html");
+  ASSERT_EQ(found.exit_code, 0) << found.err;
+  const std::vector<std::string> lines = split(file("c.csv"), '\n');
+  ASSERT_EQ(lines.size(), 4u);
+  EXPECT_EQ(lines[0],
+            "frequency,abs(V(b)),phase(V(b)),abs(impedance(b)),phase(impedance(b)),"
+            "\"abs(impedance(a,b))\",\"phase(impedance(a,b))\"");
+  for (std::size_t k = 1; k < lines.size(); ++k) {
+    const std::vector<std::string> cells = split(lines[k], ',');
+    const double wt = 2 * 3.14159265358979324 * std::stod(cells[0]) * 1e-3;
+    constexpr double rounding = 1e-7;  // central differences with steps of 1e-5
+    EXPECT_NEAR(std::stod(cells[1]), 1 / std::hypot(1, wt), rounding);
+    EXPECT_NEAR(std::stod(cells[2]), -std::atan(wt) * 180 / 3.14159265358979324, 100 * rounding);
+    EXPECT_NEAR(std::stod(cells[3]), 1e3 / std::hypot(1, wt), 1e3 * rounding);
+  }
+  EXPECT_NE(file("c.html").find("size [dB]"), std::string::npos);
+  ASSERT_EQ(run("plot c.csv --out d.html").exit_code, 0);
+  EXPECT_NE(file("d.html").find("impedance(a,b)"), std::string::npos);
+  const auto json = nlohmann::json::parse(run("response c.cir --source V1 --frequencies 100 --json").out);
+  EXPECT_EQ(json["responses"]["V(b)"]["abs"].size(), 1u);
+  refused("response c.cir --columns 'V(z)'");
+  refused("response c.cir --frequencies 'dec 0 1 2'");
+  refused("response c.cir --out c.cir");
+  refused("response signorini");
+}
+
 // V(a,b) = e^{-t/RC} and I(R1) = e^{-t/RC}/R, whose row has R of its own.
 TEST_F(CliCircuit, FitsParametersToOutputs) {
   write("c.cir", "t\n.param R=2.1k Cl=0.6u\nV1 a 0 1\nR1 a b {R}\nC1 b 0 {Cl}\n.tran 10u 5m uic\n");

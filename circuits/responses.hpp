@@ -1,0 +1,39 @@
+#pragma once
+// Responses of a circuit about its periodic state over frequency, by words:
+//
+// word                           response
+// V(out), I(L1), P(R1), ...      of a probe to one source, per volt or ampere; or to the AC amplitudes of the netlist
+// gain(Vz)                       of the loop that a source of 0 V stands in: -V(second node)/V(first node), Middlebrook
+// 1975 impedance(out), impedance(a,b) V(a,b) for a current of 1 A from b to a; b is ground where it is not given
+
+#include "circuits/small_signal.hpp"
+
+#include <string>
+#include <vector>
+
+namespace bromwich {
+
+struct Responses {
+  std::vector<double> frequencies;  ///< Hz
+  std::vector<std::string> names, units;
+  Eigen::MatrixXcd values;  ///< frequencies x names
+};
+
+/// `source`: of the probes; empty: all with AC. No words: all voltages outside of subcircuits. Throws Error naming
+/// `where`, as SmallSignals does.
+Responses responses(const Circuit&, Backend&, const Result&, std::vector<std::string> words, const std::string& source,
+                    const std::vector<double>& frequencies, const std::string& where);
+
+/// In degrees, without jumps by 360 from one frequency to the next; the first one lies in (-180, 180].
+Vector unwrapped_phase(const Eigen::Ref<const ComplexVector>&);
+
+/// Of a loop gain; NaN where there is none within the frequencies.
+struct StabilityMargins {
+  double crossover = NAN;        ///< Hz: where its size falls below 1, the first time
+  double phase = NAN;            ///< degrees there, beyond -180
+  double phase_crossover = NAN;  ///< Hz: where its phase falls below -180, the first time
+  double gain = NAN;             ///< dB there, below 1
+};
+StabilityMargins stability_margins(const std::vector<double>& frequencies, const Eigen::Ref<const ComplexVector>& gain);
+
+}  // namespace bromwich
