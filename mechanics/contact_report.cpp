@@ -149,6 +149,7 @@ class Report {
       sum.friction_impulse += a.friction;
       sum.impact_loss += loss;
       sum.friction_loss += of_friction;
+      if (!jump.impact) continue;
       ++sum.impacts;
       found_.impacts.push_back({Index(i), t, a.normal, a.friction, loss, of_friction});
     }
