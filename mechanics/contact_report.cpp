@@ -209,6 +209,10 @@ class Report {
 
 }  // namespace
 
+bool has_contact_report(const Mechanism& m, const Result& r) {
+  return r.status == Status::solved && r.x.cols() == m.scene.states() && (r.located || r.t.size() == r.steps + 1);
+}
+
 ContactReport contact_report(const Mechanism& m, const Result& r) { return Report(m, contact_spans(m, r)).take(); }
 
 }  // namespace bromwich

@@ -107,6 +107,7 @@ ContactSpans contact_spans(const Mechanism& m, const Result& r) {
   if (r.located) return LocatedSpans(m.scene, r.start.size() > 0 ? r.start : m.scene.x0, *r.located).all();
   if (r.x.cols() != m.scene.states() || r.t.size() < 2)
     throw Error("states", "were not all recorded", "solve with all states");
+  if (r.t.size() != r.steps + 1) throw Error("rows", "are not those of the steps", "take the result that was solved");
   return spans_of_rows(m, r);
 }
 
