@@ -176,7 +176,7 @@ TEST(SingleSolves, ContactsOfABatchAreThoseOfSingleSolves) {
   options.states = StateSelection::all;
   std::vector<Scene> scenes;
   for (std::uint32_t seed = 0; seed < 24; ++seed) {
-    const DrawnStructure drawn = random_structure(seed, 2, 1, false, {0, 0.2, 0.4});
+    const DrawnStructure drawn = random_structure(seed, 2, 1, false, {0.1, 0.2, 0.4});
     scenes.push_back(make_mechanism(drawn.structure, drawn.contacts).scene);
   }
   const BatchResult found = solve_batch(batch_of(scenes), *backend, options);
