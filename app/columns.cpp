@@ -29,6 +29,7 @@ std::string name_of(const Scene& scene, ColumnKind kind, Index component) {
     case ColumnKind::mode:
       return scene.memories[std::size_t(component)].name;
     case ColumnKind::x:
+    case ColumnKind::contact:
       break;
   }
   return state_name(scene, component);
@@ -50,19 +51,29 @@ std::optional<Column> find_column(const Scene& scene, const std::string& word) {
   return std::nullopt;
 }
 
-std::vector<std::string> known_words(const Scene& scene) {
+std::vector<std::string> known_words(const Scene& scene, const std::vector<std::string>& contacts) {
   std::vector<std::string> words;
   for (const auto& [word, kind] : kinds)
     if (kind != ColumnKind::mode || !scene.memories.empty()) words.push_back(word);
   for (const Memory& memory : scene.memories) words.push_back(memory.name);
   for (const auto* names : {&scene.names.y, &scene.names.w, &scene.names.x})
     words.insert(words.end(), names->begin(), names->end());
+  if (!contacts.empty()) words.emplace_back("contact");
+  words.insert(words.end(), contacts.begin(), contacts.end());
   return words;
+}
+
+std::vector<Column> contact_columns_of(const std::string& word, const std::vector<std::string>& contacts) {
+  std::vector<Column> columns;
+  for (std::size_t k = 0; k < contacts.size(); ++k)
+    if (word == "contact" || word == contacts[k]) columns.push_back({ColumnKind::contact, Index(k), contacts[k]});
+  return columns;
 }
 
 }  // namespace
 
-std::vector<Column> parse_columns(const std::string& words, const Scene& scene) {
+std::vector<Column> parse_columns(const std::string& words, const Scene& scene,
+                                  const std::vector<std::string>& contacts) {
   std::vector<Column> columns;
   std::set<std::string> seen;
   const auto add = [&](const Column& column) {
@@ -76,8 +87,10 @@ std::vector<Column> parse_columns(const std::string& words, const Scene& scene) 
       for (Index i = 0; i < count(scene, kind->second); ++i) add({kind->second, i, name_of(scene, kind->second, i)});
     } else if (const auto column = find_column(scene, word)) {
       add(*column);
+    } else if (const auto found = contact_columns_of(word, contacts); !found.empty()) {
+      for (const Column& one : found) add(one);
     } else {
-      const auto known = known_words(scene);
+      const auto known = known_words(scene, contacts);
       throw Error("--columns", fmt::format("found '{}'", word) + suggestion(word, known),
                   fmt::format("give {}, or single columns such as y0,w0,x0, separated by commas", join(known)));
     }
@@ -85,13 +98,15 @@ std::vector<Column> parse_columns(const std::string& words, const Scene& scene) 
   return columns;
 }
 
-std::vector<Column> default_columns(const Scene& scene, const std::vector<Index>& states) {
+std::vector<Column> default_columns(const Scene& scene, const std::vector<Index>& states,
+                                    const std::vector<std::string>& contacts) {
   std::vector<Column> columns;
   for (Index i = 0; i < scene.constraints(); ++i)
     columns.push_back({ColumnKind::y, i, name_of(scene, ColumnKind::y, i)});
   for (const Index i : states) columns.push_back({ColumnKind::x, i, name_of(scene, ColumnKind::x, i)});
   for (Index k = 0; k < count(scene, ColumnKind::mode); ++k)
     columns.push_back({ColumnKind::mode, k, name_of(scene, ColumnKind::mode, k)});
+  for (const Column& column : contact_columns_of("contact", contacts)) columns.push_back(column);
   return columns;
 }
 
@@ -101,6 +116,10 @@ std::vector<Index> states_of(const std::vector<Column>& columns) {
     if (column.kind == ColumnKind::x) states.push_back(column.component);
   std::sort(states.begin(), states.end());
   return states;
+}
+
+bool has_contacts(const std::vector<Column>& columns) {
+  return std::any_of(columns.begin(), columns.end(), [](const Column& c) { return c.kind == ColumnKind::contact; });
 }
 
 bool need_trace(const std::vector<Column>& columns) {

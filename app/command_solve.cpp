@@ -58,6 +58,7 @@ void choose_states(const SolveArguments& arguments, const SceneChoice& choice, c
   const bool only_x = options.tolerance_x > 0 && !given && !by_columns && choice.states == "none";
   if (!by_columns)
     parse_states("--states", only_x ? "all" : given ? arguments.states : choice.states, choice.scene, options);
+  if (has_contacts(columns)) options.states = StateSelection::all;
   if (options.states != StateSelection::all && !in_columns.empty()) {
     options.states = StateSelection::list;
     for (const Index i : in_columns)
@@ -121,6 +122,7 @@ struct Outputs {
   std::vector<Probe> probes;     ///< behind these outputs
   std::vector<double> times;     ///< of the rows of `out`; empty = the time points
   std::vector<Column> columns;   ///< of a CSV file; empty: y and the recorded states
+  std::optional<ContactReport> contacts;
 
   const Scene& scene(const SceneChoice& choice) const { return circuit ? *circuit : choice.scene; }
 };
@@ -184,9 +186,13 @@ void write(Outputs& outputs, const SceneChoice& choice, Backend& backend, const 
     if (sampled && system) keep_states(rows, result.x_components);
     if (choice.circuit) rows = output_result(*choice.circuit, sampled ? rows : result, outputs.probes);
     const Result& written = sampled || choice.circuit ? rows : result;
-    const auto columns =
-        outputs.columns.empty() ? default_columns(outputs.scene(choice), written.x_components) : outputs.columns;
-    outputs.out->write(written, result, columns, balance ? &*balance : nullptr, facts);
+    std::vector<TimeSeries> contacts;
+    if (outputs.contacts) contacts = contact_series(*choice.mechanism, *outputs.contacts, written);
+    const auto columns = outputs.columns.empty()
+                             ? default_columns(outputs.scene(choice), written.x_components,
+                                               contact_names(contacts.empty() ? nullptr : choice.mechanism.get()))
+                             : outputs.columns;
+    outputs.out->write(written, result, columns, contacts, balance ? &*balance : nullptr, facts);
   }
   if (!outputs.switches) return;
   std::vector<Switch> found = system ? system->switches() : switches_with_errors(scene, backend, options, result);
@@ -343,7 +349,8 @@ int run_solve(const SolveArguments& arguments) {
     files.circuit = output_scene(*choice.circuit, files.probes);
     for (const std::string& note : choice.circuit->notes) complain(note);
   }
-  if (!choice.circuit && !arguments.columns.empty()) files.columns = parse_columns(arguments.columns, choice.scene);
+  if (!choice.circuit && !arguments.columns.empty())
+    files.columns = parse_columns(arguments.columns, choice.scene, contact_names(choice.mechanism.get()));
   Options options = solve_options(arguments, choice, choice.circuit ? std::vector<Column>{} : files.columns);
   const int threads = threads_of_rank(arguments.threads.empty() ? 0 : parse_threads(arguments.threads));
   const Index recorded = state_columns(options, choice.scene);
@@ -375,12 +382,8 @@ int run_solve(const SolveArguments& arguments) {
   if (choice.circuit) numbers = circuit_numbers(*choice.circuit, *backend, result);
   add_circuit_json(numbers, object);
   std::string of_contacts;
-  const bool all_states = choice.mechanism && result.x.cols() == choice.scene.states();
-  if (all_states && result.status == Status::solved) {
-    const ContactReport report = contact_report(*choice.mechanism, result);
-    add_mechanism_json(*choice.mechanism, report, object);
-    of_contacts = mechanism_text(*choice.mechanism, report);
-  }
+  if (choice.mechanism && (files.contacts = report_on_contacts(*choice.mechanism, result, object)))
+    of_contacts = mechanism_text(*choice.mechanism, *files.contacts);
   const Facts facts = facts_of_result(result, used, object);
   if (!parts) write(files, choice, *backend, options, result, arguments.energies, facts, system ? &*system : nullptr);
   if (parts && files.out) files.out->finish(facts);

@@ -31,7 +31,10 @@ void append(fmt::memory_buffer& text, double value) {
 /// The values of all columns.
 class Values {
  public:
-  Values(const Scene& scene, const Result& result, const std::vector<Column>& columns) : result_(result) {
+  Values(const Scene& scene, const Result& result, const std::vector<Column>& columns,
+         const std::vector<TimeSeries>& contacts)
+      : result_(result), contacts_(result.t.size(), Index(contacts.size())) {
+    for (std::size_t k = 0; k < contacts.size(); ++k) contacts_.col(Index(k)) = contacts[k].values;
     if (std::any_of(columns.begin(), columns.end(), [](const Column& c) { return c.kind == ColumnKind::w; }))
       w_ = slack(scene, result);
     for (const Column& column : columns) sources_.push_back(source(column));
@@ -50,12 +53,13 @@ class Values {
     if (column.kind == ColumnKind::w) return {&w_, i};
     if (column.kind == ColumnKind::trace) return {&result_.trace, i};
     if (column.kind == ColumnKind::mode) return {&result_.modes, i};
+    if (column.kind == ColumnKind::contact) return {&contacts_, i};
     const auto& recorded = result_.x_components;
     return {&result_.x, std::find(recorded.begin(), recorded.end(), i) - recorded.begin()};
   }
 
   const Result& result_;
-  RowMatrix w_;
+  RowMatrix contacts_, w_;
   std::vector<std::pair<const RowMatrix*, Index>> sources_;  ///< one for each column
 };
 
@@ -112,7 +116,7 @@ std::vector<TimeSeries> mode_series(const Scene& scene, const Result& result) {
 }
 
 void write_csv(const Scene& scene, const Result& sampled, const Result& result, const std::vector<Column>& columns,
-               std::FILE* file, const Energies* energies) {
+               std::FILE* file, const std::vector<TimeSeries>& contacts, const Energies* energies) {
   fmt::memory_buffer text;
   const auto out = std::back_inserter(text);
   fmt::format_to(out, "t");
@@ -120,7 +124,7 @@ void write_csv(const Scene& scene, const Result& sampled, const Result& result, 
   const std::vector<TimeSeries> series = energies ? energy_series(*energies) : std::vector<TimeSeries>{};
   for (const TimeSeries& one : series) fmt::format_to(out, ",{}", one.name);
   fmt::format_to(out, "\n");
-  const Values values(scene, sampled, columns);
+  const Values values(scene, sampled, columns, contacts);
   for (Index j = 0; j < sampled.t.size(); ++j) {
     if (result.status != Status::solved && !valid(sampled, j)) continue;
     fmt::format_to(out, "{}", sampled.t[j]);

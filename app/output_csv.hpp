@@ -25,9 +25,10 @@ std::vector<TimeSeries> mode_series(const Scene&, const Result&);
 /// Header `t,` and the names of the columns, and one row per time. Numbers are the shortest decimals that round to the
 /// same doubles, `nan` for missing values. With `energies`, the columns energy, supplied_power and dissipated_power at
 /// the time, and supplied, dissipated and violation over the step that ends there. `sampled` has the rows: those of
-/// `result`, or others. A result that is not solved ends with a comment.
+/// `result`, or others; `contacts` what columns of contacts have there. A result that is not solved ends with a
+/// comment.
 void write_csv(const Scene& scene, const Result& sampled, const Result& result, const std::vector<Column>& columns,
-               std::FILE* file, const Energies* energies = nullptr);
+               std::FILE* file, const std::vector<TimeSeries>& contacts = {}, const Energies* energies = nullptr);
 
 /// Header `t,component,on,error` and one row per switch, followed by the same comment. Components have the names of the
 /// scene, otherwise their numbers. For relays `t,relay,from,to,error`: lambda is -1, 1, or 0 between them.

@@ -178,9 +178,9 @@ void ResultOutput::flush() {
 }
 
 void ResultOutput::write(const Result& sampled, const Result& result, const std::vector<Column>& columns_of_csv,
-                         const Energies* energies, const Facts& facts) {
+                         const std::vector<TimeSeries>& contacts, const Energies* energies, const Facts& facts) {
   if (format_ == ResultFormat::csv) {
-    file_.write([&](std::FILE* file) { write_csv(scene_, sampled, result, columns_of_csv, file, energies); });
+    file_.write([&](std::FILE* file) { write_csv(scene_, sampled, result, columns_of_csv, file, contacts, energies); });
     return;
   }
   Index rows = sampled.t.size();
@@ -188,6 +188,7 @@ void ResultOutput::write(const Result& sampled, const Result& result, const std:
     while (rows > 0 && !any_finite(sampled.y, rows - 1) && !any_finite(sampled.x, rows - 1)) --rows;
   }
   std::vector<TimeSeries> series = energies ? energy_series(*energies) : mode_series(scene_, sampled);
+  series.insert(series.end(), contacts.begin(), contacts.end());
   for (TimeSeries& one : series) one.values.conservativeResize(rows);
   if (grows()) {
     append(scene_, sampled, sampled.t.head(rows), 0, rows - 1);

@@ -58,8 +58,8 @@ class ResultOutput {
   void flush();
 
   /// The whole result, or `sampled` rows of it at other times. `columns`: of a CSV file.
-  void write(const Result& sampled, const Result& result, const std::vector<Column>& columns, const Energies* energies,
-             const Facts& facts);
+  void write(const Result& sampled, const Result& result, const std::vector<Column>& columns,
+             const std::vector<TimeSeries>& contacts, const Energies* energies, const Facts& facts);
   /// The facts of the end, for a file that was written by append().
   void finish(const Facts& facts);
 

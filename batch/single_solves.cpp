@@ -2,6 +2,7 @@
 
 #include "batch/batch_groups.hpp"
 #include "core/base/error.hpp"
+#include "core/march/impact_rows.hpp"
 #include "core/result/slack.hpp"
 #include "core/solve/dense_output.hpp"
 #include "core/solve/scaling.hpp"
@@ -9,6 +10,7 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <optional>
 #include <utility>
 
 namespace bromwich {
@@ -41,7 +43,7 @@ void SingleSolves::take(Index k, bool shares) {
   try {
     const Scene scene = scene_of(batch_, k);
     const bool by_solver = shares && !scene.boundary && !scene.port;
-    write(k, scene, with_rows(scene, by_solver ? solved_by_solver(scene) : solve(scene, backend_, options_)));
+    write(k, scene, with_rows(scene, by_solver ? solved_by_solver(scene) : solve(scene, backend_, options_of(scene))));
   } catch (const Error& error) {
     if (!of_one_scene(error)) throw;
     clear_rows(result_, k);
@@ -51,6 +53,14 @@ void SingleSolves::take(Index k, bool shares) {
   }
 }
 
+Options SingleSolves::options_of(const Scene& scene) const {
+  Options options = options_;
+  if (!options.confirm || controls_error(options)) return options;
+  const std::optional<ImpactRows> rows = impact_rows(scene);
+  options.confirm = !rows || !rows->have_one_solution();
+  return options;
+}
+
 Result SingleSolves::solved_by_solver(const Scene& scene) {
   scene.validate();
   NaturalUnits units = natural_units(scene);
@@ -58,7 +68,7 @@ Result SingleSolves::solved_by_solver(const Scene& scene) {
       std::find_if(solvers_.begin(), solvers_.end(), [&](const UnitSolver& s) { return same_units(s.units, units); });
   if (found == solvers_.end()) {
     if (solvers_.size() >= most_solvers) solvers_.erase(solvers_.begin());
-    solvers_.push_back({std::move(units), std::make_unique<Solver>(scene, backend_, options_)});
+    solvers_.push_back({std::move(units), std::make_unique<Solver>(scene, backend_, options_of(scene))});
     return solvers_.back().solver->solve();
   }
   found->solver->set_x0(scene.x0);

@@ -1,6 +1,8 @@
 #pragma once
-// Scenes of a batch that are solved one by one, each with all the checks of a single solve. A thread has one of these,
-// with a backend of its own (batch/side_by_side.hpp).
+// Scenes of a batch that are solved one by one, each with all the checks of a single solve, but for those with rigid
+// contacts whose problems have one solution: like those of lanes they are not compared with a located solution, which
+// takes several times as long as their steps. A thread has one of these, with a backend of its own
+// (batch/side_by_side.hpp).
 
 #include "../core/scene/natural_units.hpp"
 #include "../core/solve/solver.hpp"
@@ -31,6 +33,7 @@ class SingleSolves {
   };
   static constexpr std::size_t most_solvers = 4;
 
+  Options options_of(const Scene&) const;
   Result solved_by_solver(const Scene&);
   Result with_rows(const Scene&, Result) const;
   void write(Index k, const Scene&, const Result&);

@@ -1,8 +1,6 @@
 // Random planar structures with 1 to 8 contacts, rigid and compliant, with e from 0 to 0.9 and mu from 0 to 1.5, solved
 // as users solve them and compared with located events of the tests, which share no code with the solver.
-//
-//     bromwich_contact_structures [--count 2000] [--first-seed 0] [--contacts 8] [--method auto] [--tol 1e-3]
-//         [--seconds 20] [--jobs 1] [--list bad|all|none] [--out FILE.json]
+// bromwich_contact_structures --help says how.
 //
 // The error is that of q at 8 times, beside the largest q. Verdicts: right, missed (up to three tolerances), wrong,
 // refused, slow (stopped after --seconds of CPU time), crashed, undecided (the reference gives none, or two of its step
@@ -10,6 +8,7 @@
 // code is 1 if a result is wrong or crashed.
 
 #include "app/machine.hpp"
+#include "bench/arguments.hpp"
 #include "bench/processes.hpp"
 #include "core/build_info.hpp"
 #include "core/solve/solve.hpp"
@@ -21,6 +20,8 @@
 #include <nlohmann/json.hpp>
 
 #include <algorithm>
+#include <chrono>
+#include <cmath>
 #include <cstdio>
 #include <exception>
 #include <fstream>
@@ -28,6 +29,7 @@
 #include <map>
 #include <stdexcept>
 #include <string>
+#include <vector>
 
 namespace {
 
@@ -39,38 +41,27 @@ constexpr Index samples = 8;
 struct Arguments {
   std::uint32_t count = 2000, first = 0, contacts = 8;
   Method method = Method::automatic;
-  double tolerance = 1e-3, seconds = 20;
+  double tolerance = 1e-3, seconds = 20, until = INFINITY;
   std::uint32_t jobs = 1;
   std::string list = "bad", out;
 };
 
 Arguments parse(int argc, char** argv) {
   Arguments a;
-  for (int i = 1; i < argc; i += 2) {
-    const std::string name = argv[i];
-    if (i + 1 == argc) throw std::invalid_argument(name + ": no value");
-    const std::string value = argv[i + 1];
-    if (name == "--count")
-      a.count = std::uint32_t(std::stoul(value));
-    else if (name == "--first-seed")
-      a.first = std::uint32_t(std::stoul(value));
-    else if (name == "--contacts")
-      a.contacts = std::uint32_t(std::stoul(value));
-    else if (name == "--method")
-      a.method = method_from_string(value);
-    else if (name == "--tol")
-      a.tolerance = std::stod(value);
-    else if (name == "--seconds")
-      a.seconds = std::stod(value);
-    else if (name == "--jobs")
-      a.jobs = std::uint32_t(std::stoul(value));
-    else if (name == "--list")
-      a.list = value;
-    else if (name == "--out")
-      a.out = value;
-    else
-      throw std::invalid_argument(name + ": unknown; see the head of bench/contact_structures.cpp");
-  }
+  std::string method = to_string(a.method);
+  CLI::App app("Random planar structures with contacts, beside located events of the tests.");
+  app.add_option("--count", a.count, "structures");
+  app.add_option("--first-seed", a.first, "that of the first structure");
+  app.add_option("--contacts", a.contacts, "at most")->check(CLI::PositiveNumber);
+  app.add_option("--method", method, "of solve");
+  app.add_option("--tol", a.tolerance, "the tolerance, also of the judgement");
+  app.add_option("--seconds", a.seconds, "of CPU time that a solve may take");
+  app.add_option("--jobs", a.jobs, "structures at a time")->check(CLI::PositiveNumber);
+  app.add_option("--until", a.until, "no structure is begun after so many seconds; the first seeds are judged");
+  app.add_option("--list", a.list, "which structures are printed")->check(CLI::IsMember({"bad", "all", "none"}));
+  app.add_option("--out", a.out, "a JSON file");
+  parse_or_exit(app, argc, argv);
+  a.method = method_from_string(method);
   return a;
 }
 
@@ -182,13 +173,16 @@ struct Tally {
   }
 };
 
-/// Seed k in process k % jobs.
-Tally run_all(const Arguments& a) {
-  Tally tally;
+/// Seed k in process k % jobs. The first seeds up to one that was not begun.
+std::vector<ordered_json> run_all(const Arguments& a) {
+  using Clock = std::chrono::steady_clock;
+  const auto start = Clock::now();
+  std::vector<ordered_json> all(a.count);
   in_jobs(
       a.jobs,
       [&](std::size_t job, std::FILE* file) {
         for (std::uint32_t k = std::uint32_t(job); k < a.count; k += a.jobs) {
+          if (std::chrono::duration<double>(Clock::now() - start).count() > a.until) return;
           const ordered_json json = judged(a, a.first + k);
           const std::string verdict = json["verdict"];
           if (a.list == "all" || (a.list == "bad" && verdict != "right" && verdict != "undecided"))
@@ -196,15 +190,18 @@ Tally run_all(const Arguments& a) {
           write_line(json, file);
         }
       },
-      [&](const ordered_json& json) { tally.add(json); });
-  return tally;
+      [&](const ordered_json& json) { all[json["seed"].get<std::uint32_t>() - a.first] = json; });
+  all.erase(std::find(all.begin(), all.end(), ordered_json()), all.end());
+  return all;
 }
 
 }  // namespace
 
 int main(int argc, char** argv) try {
   const Arguments a = parse(argc, argv);
-  const Tally tally = run_all(a);
+  const std::vector<ordered_json> all = run_all(a);
+  Tally tally;
+  for (const ordered_json& one : all) tally.add(one);
   const ordered_json json{{"bench", "contact-structures"},
                           {"commit", build_info::commit},
                           {"compiler", build_info::compiler},
@@ -213,7 +210,7 @@ int main(int argc, char** argv) try {
                           {"jobs", a.jobs},
                           {"method", to_string(a.method)},
                           {"tolerance", a.tolerance},
-                          {"count", a.count},
+                          {"count", all.size()},
                           {"first_seed", a.first},
                           {"most_contacts", a.contacts},
                           {"most_seconds", a.seconds},

@@ -1,11 +1,10 @@
 // Random small scenes by every method on two backends: the CPU with one thread, and the device; without a device the
 // CPU with two threads, as a dry run. Both have to end with the same status, and with x and y that differ by less than
-// --limit of the largest value.
-//
-//     bromwich_devices_agree [--count 200] [--first-seed 0] [--seconds 20] [--limit 1e-8] [--out FILE.json]
+// --limit of the largest value. bromwich_devices_agree --help says how.
 //
 // The exit code is 1 if any differs.
 
+#include "bench/arguments.hpp"
 #include "bench/pairs.hpp"
 #include "core/build_info.hpp"
 #include "core/solve/solve.hpp"
@@ -24,7 +23,6 @@
 #include <fstream>
 #include <iostream>
 #include <map>
-#include <stdexcept>
 #include <string>
 
 namespace {
@@ -45,23 +43,13 @@ struct Arguments {
 
 Arguments parse(int argc, char** argv) {
   Arguments a;
-  for (int i = 1; i < argc; i += 2) {
-    const std::string name = argv[i];
-    if (i + 1 == argc) throw std::invalid_argument(name + ": no value");
-    const std::string value = argv[i + 1];
-    if (name == "--count")
-      a.count = std::uint32_t(std::stoul(value));
-    else if (name == "--first-seed")
-      a.first = std::uint32_t(std::stoul(value));
-    else if (name == "--seconds")
-      a.seconds = std::stod(value);
-    else if (name == "--limit")
-      a.limit = std::stod(value);
-    else if (name == "--out")
-      a.out = value;
-    else
-      throw std::invalid_argument(name + ": unknown; see the head of bench/devices_agree.cpp");
-  }
+  CLI::App app("Random small scenes by every method, on the CPU and on a device.");
+  app.add_option("--count", a.count, "scenes");
+  app.add_option("--first-seed", a.first, "that of the first scene");
+  app.add_option("--seconds", a.seconds, "that a solve may take");
+  app.add_option("--limit", a.limit, "of differences, relative to the largest value");
+  app.add_option("--out", a.out, "a JSON file");
+  parse_or_exit(app, argc, argv);
   return a;
 }
 

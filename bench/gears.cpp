@@ -1,7 +1,6 @@
 // A batch of rattling gears with the derivatives of their motion by the coefficients of friction and restitution, some
-// of them beside differences of located events of the tests, which share no code with the solver.
-//
-//     bromwich_gears [--count 10000] [--compared 100] [--end 4] [--threads 0] [--out FILE.json]
+// of them beside differences of located events of the tests, which share no code with the solver. bromwich_gears --help
+// says how.
 //
 // mu is drawn from 0 to 0.6 and e from 0 to 1; a hundredth has e = 0, where bounces begin with e and there is no
 // derivative. The error of a derivative is that of x(T), beside 1 and the largest entry. Where differences with two
@@ -9,6 +8,7 @@
 
 #include "app/machine.hpp"
 #include "batch/batch_parameters.hpp"
+#include "bench/arguments.hpp"
 #include "bench/processes.hpp"
 #include "core/build_info.hpp"
 #include "cpu/cpu_backend.hpp"
@@ -24,7 +24,6 @@
 #include <map>
 #include <optional>
 #include <random>
-#include <stdexcept>
 #include <string>
 
 namespace {
@@ -41,23 +40,13 @@ struct Arguments {
 
 Arguments parse(int argc, char** argv) {
   Arguments a;
-  for (int i = 1; i < argc; i += 2) {
-    const std::string name = argv[i];
-    if (i + 1 == argc) throw std::invalid_argument(name + ": no value");
-    const std::string value = argv[i + 1];
-    if (name == "--count")
-      a.count = std::stol(value);
-    else if (name == "--compared")
-      a.compared = std::stol(value);
-    else if (name == "--end")
-      a.end = std::stod(value);
-    else if (name == "--threads")
-      a.threads = std::stoi(value);
-    else if (name == "--out")
-      a.out = value;
-    else
-      throw std::invalid_argument(name + ": unknown; see the head of bench/gears.cpp");
-  }
+  CLI::App app("Rattling gears with derivatives by mu and e.");
+  app.add_option("--count", a.count, "gears");
+  app.add_option("--compared", a.compared, "gears whose derivatives are compared with differences");
+  app.add_option("--end", a.end, "T");
+  app.add_option("--threads", a.threads, "0: all");
+  app.add_option("--out", a.out, "a JSON file");
+  parse_or_exit(app, argc, argv);
   return a;
 }
 

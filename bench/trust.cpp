@@ -6,11 +6,11 @@
 // oracle cannot decide are counted separately. With --steps, estimates of certificates (core/certificate) are compared
 // with the true errors of x and y. The exit code is 1 if a result is wrong.
 
+#include "bench/arguments.hpp"
 #include "bench/trust_summary.hpp"
 #include "core/build_info.hpp"
 #include "cpu/cpu_backend.hpp"
 
-#include <CLI/CLI.hpp>
 #include <Eigen/Dense>
 #include <nlohmann/json.hpp>
 
@@ -69,11 +69,7 @@ Arguments parse(int argc, char** argv) {
   app.add_option("--undecided", undecided, "what becomes of scenes that the oracle cannot decide")
       ->check(CLI::IsMember({"solve", "skip"}));
   app.add_option("--states", a.states, "each scene among so many sparse states (more than 512 stay sparse)");
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    std::exit(app.exit(error));
-  }
+  parse_or_exit(app, argc, argv);
   a.method = method_from_string(method);
   a.skip_undecided = undecided == "skip";
   if (a.seed) a.first_seed = *a.seed, a.count = 1, a.list = "all";

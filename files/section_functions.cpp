@@ -88,7 +88,11 @@ FunctionValue Section::function(const std::string& key, double last_time, Index 
   if (named && extension_of(named->name) == ".csv") return tabulated(key, *named, last_time);
   const SwitchTimes& switches = kept("the switch times of " + key, {double(size), last_time},
                                      [&] { return switch_times_of_texts(key, last_time, size); });
-  return with_tables(key, last_time, {function_of_texts(key, size), Index(texts_in_time(key, size).size()), switches});
+  const TimeFunction& of_texts = function_of_texts(key, size);
+  const bool constant = size > 0 && require(key).is_number();
+  return with_tables(
+      key, last_time,
+      {constant ? TimeFunction(LinearSource{of_texts}) : of_texts, Index(texts_in_time(key, size).size()), switches});
 }
 
 /// Entries of the list that name a table of one column each: they replace those of the texts.

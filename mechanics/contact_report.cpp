@@ -149,6 +149,7 @@ class Report {
       sum.friction_impulse += a.friction;
       sum.impact_loss += loss;
       sum.friction_loss += of_friction;
+      if (!jump.impact) continue;
       ++sum.impacts;
       found_.impacts.push_back({Index(i), t, a.normal, a.friction, loss, of_friction});
     }
@@ -207,6 +208,10 @@ class Report {
 };
 
 }  // namespace
+
+bool has_contact_report(const Mechanism& m, const Result& r) {
+  return r.status == Status::solved && r.x.cols() == m.scene.states() && (r.located || r.t.size() == r.steps + 1);
+}
 
 ContactReport contact_report(const Mechanism& m, const Result& r) { return Report(m, contact_spans(m, r)).take(); }
 

@@ -5,6 +5,7 @@
 
 #include <array>
 #include <cmath>
+#include <limits>
 
 namespace bromwich {
 
@@ -20,7 +21,7 @@ constexpr std::array<double, 4> point_weights{0.3626837833783619829651504, 0.313
 class LocatedSpans {
  public:
   LocatedSpans(const Scene& scene, const Vector& start, const LocatedSolution& solution)
-      : solution_(solution), B_(scene.dynamics->inputs()), x_(start) {}
+      : solution_(solution), B_(scene.dynamics->inputs()), x_(start), integral_(Vector::Zero(scene.constraints())) {}
 
   ContactSpans all() {
     ContactSpans found;
@@ -32,14 +33,15 @@ class LocatedSpans {
   }
 
  private:
+  static constexpr double rounding = 16 * std::numeric_limits<double>::epsilon();
+
   ContactSpan span(const EventPiece& piece) {
     ContactSpan s;
     s.begin = piece.begin, s.end = piece.end;
-    for (const EventImpulse& impulse : piece.impulses) {
-      const Vector p = impulse.p, after = x_ + B_ * p;
-      s.jumps.push_back({x_, after, p});
-      x_ = after;
-    }
+    Vector unseen = piece.integral - integral_;
+    for (const EventImpulse& impulse : piece.impulses) unseen -= impulse.p;
+    if (unseen.norm() > rounding * piece.integral.norm()) jump(unseen, false, s);
+    for (const EventImpulse& impulse : piece.impulses) jump(impulse.p, true, s);
     const double half = (piece.end - piece.begin) / 2;
     const auto at = [&](double t) { return legendre((t - piece.begin) / piece.length); };
     for (std::size_t i = 0; i < points.size(); ++i)
@@ -52,12 +54,20 @@ class LocatedSpans {
     if (piece.passed)
       for (Index i = 0; i < B_.cols(); ++i) s.active[std::size_t(i)] = piece.y(0, i) > 0;
     x_ = piece.x.transpose() * at(piece.end);
+    integral_ = piece.integral +
+                piece.length * piece.y.transpose() * legendre_integrals((piece.end - piece.begin) / piece.length);
     return s;
+  }
+
+  void jump(const Vector& p, bool impact, ContactSpan& s) {
+    const Vector after = x_ + B_ * p;
+    s.jumps.push_back({x_, after, p, impact});
+    x_ = after;
   }
 
   const LocatedSolution& solution_;
   const SparseMatrix B_;
-  Vector x_;
+  Vector x_, integral_;  ///< so far: the state, and the integral of y
 };
 
 /// On a circle: whether friction is at its bound.
@@ -97,6 +107,7 @@ ContactSpans contact_spans(const Mechanism& m, const Result& r) {
   if (r.located) return LocatedSpans(m.scene, r.start.size() > 0 ? r.start : m.scene.x0, *r.located).all();
   if (r.x.cols() != m.scene.states() || r.t.size() < 2)
     throw Error("states", "were not all recorded", "solve with all states");
+  if (r.t.size() != r.steps + 1) throw Error("rows", "are not those of the steps", "take the result that was solved");
   return spans_of_rows(m, r);
 }
 

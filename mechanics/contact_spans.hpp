@@ -15,6 +15,7 @@ struct ContactSpan {
   };
   struct Jump {
     Vector before, after, p;  ///< x on both sides, and the impulse of y
+    bool impact = true;       ///< false: too small to be seen as one
   };
   double begin = 0, end = 0;
   std::vector<Sample> samples;

@@ -5,6 +5,7 @@
 #include "core/scene/relay.hpp"
 #include "mechanics/contact_input.hpp"
 #include "mechanics/contact_kinds.hpp"
+#include "mechanics/contact_sources.hpp"
 #include "mechanics/source_values.hpp"
 
 #include <Eigen/Cholesky>
@@ -156,57 +157,6 @@ Forced forced_system(const Structure& s, const Rows& rows) {
   Entries B = rows.of_states;
   add_block(B, sparse(d, n, rows.forces), d, 0, 1);
   return {sparse(m, m, A), sparse(m, n, B), sparse(n, m, rows.N), sparse(n, n, rows.M)};
-}
-
-/// f of the structure, what given bounds of friction add to it, and what the other bodies do to Jenkins elements.
-TimeFunction source_of_states(const Structure& s, const std::shared_ptr<const std::vector<Contact>>& contacts,
-                              const std::vector<ContactRows>& rows, Index m,
-                              const std::shared_ptr<const Eigen::LLT<Matrix>>& mass) {
-  bool any = bool(s.f);
-  for (std::size_t i = 0; i < contacts->size(); ++i) {
-    const Contact& c = (*contacts)[i];
-    any = any || shifts_by_bound(c, rows[i]) || (rows[i].state >= 0 && c.velocity);
-  }
-  if (!any) return {};
-  return [f = s.f, contacts, rows, d = s.M.rows(), mass, m](double t, Eigen::Ref<Vector> value) {
-    Vector forces = values_of(f, t, d);
-    value.setZero();
-    for (std::size_t i = 0; i < contacts->size(); ++i) {
-      const Contact& c = (*contacts)[i];
-      if (rows[i].state >= 0)
-        value[rows[i].state] = -c.kt * value_of(c.velocity, t);
-      else if (shifts_by_bound(c, rows[i]))
-        forces -= value_of(c.bound, t) * c.tangent.row(0).transpose();
-    }
-    value.segment(d, d) = mass ? Vector(mass->solve(forces)) : forces;
-  };
-}
-
-TimeFunction source_of_rows(const std::shared_ptr<const std::vector<Contact>>& contacts,
-                            const std::vector<ContactRows>& rows) {
-  bool any = false;
-  for (const Contact& c : *contacts) any = any || c.gap || c.velocity || c.bound;
-  if (!any) return {};
-  return [contacts, rows](double t, Eigen::Ref<Vector> g) {
-    g.setZero();
-    for (std::size_t i = 0; i < contacts->size(); ++i) {
-      const Contact& c = (*contacts)[i];
-      const ContactRows& r = rows[i];
-      if (r.normal >= 0) g[r.normal] = value_of(c.gap, t);
-      if (r.friction < 0) continue;
-      const Vector V = values_of(c.velocity, t, c.tangent.rows());
-      const double R = value_of(c.bound, t);
-      if (r.state >= 0)
-        g.segment(r.friction, 2).setConstant(R);
-      else if (c.facets > 0)
-        g.segment(r.friction, c.facets + 1) << -directions(c.facets) * V, R;
-      else if (is_circle(c)) {
-        g.segment(circle_row(r), 2) = -V;
-        if (r.normal < 0) g[r.friction] = -R;
-      } else
-        g.segment(r.friction, 2) << -V[0], 2 * R;
-    }
-  };
 }
 
 void set_matrices(const Forced& system, const Structure& s, const std::shared_ptr<const Eigen::LLT<Matrix>>& mass,

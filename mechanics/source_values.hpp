@@ -11,6 +11,10 @@ inline Vector values_of(const TimeFunction& function, double t, Index size) {
   return value;
 }
 
-inline double value_of(const TimeFunction& function, double t) { return values_of(function, t, 1)[0]; }
+inline double value_of(const TimeFunction& function, double t) {
+  Eigen::Matrix<double, 1, 1> value(0.0);
+  if (function) function(t, value);
+  return value[0];
+}
 
 }  // namespace bromwich

@@ -152,7 +152,8 @@ std::string path_of(const Line& line, const Scale& x, const Scale& y, bool posit
   std::string path;
   bool drawn = false;
   double before = 0;
-  for (const Index j : thinned(line.x, line.y, curve_buckets)) {
+  for (const Index j :
+       line.orbit ? thinned_orbit(line.x, line.y, curve_buckets) : thinned(line.x, line.y, curve_buckets)) {
     const bool shown = std::isfinite(line.y[j]) && (!positive || line.y[j] > 0);
     if (shown) {
       const double at = x(line.x[j]), up = y(line.y[j]);
@@ -306,9 +307,15 @@ std::string time_bars(const TimeBars& chart) {
   for (std::size_t i = 0; i < chart.names.size(); ++i) {
     const double y = top + row * double(i);
     svg.words(left - 6, y + 14, "end", chart.names[i]);
-    for (const auto& [from, to] : chart.bars[i])
-      svg.add(R"(<rect class="bar" x="{:.1f}" y="{:.1f}" width="{:.1f}" height="{:.1f}"/>)", x(from), y + 4,
-              std::max(thin, x(to) - x(from)), row - 8);
+    const auto draw = [&](const char* style, const std::vector<std::pair<double, double>>& bars) {
+      for (const auto& [from, to] : bars)
+        svg.add(R"(<rect class="{}" x="{:.1f}" y="{:.1f}" width="{:.1f}" height="{:.1f}"/>)", style, x(from), y + 4,
+                std::max(thin, x(to) - x(from)), row - 8);
+    };
+    if (!chart.light.empty()) draw("bar light", chart.light[i]);
+    draw("bar", chart.bars[i]);
+    if (!chart.ticks.empty())
+      for (const double t : chart.ticks[i]) svg.segment("tick", x(t), y + 1, x(t), y + row - 1);
   }
   svg.add(R"(<rect class="frame" x="{:.1f}" y="{:.1f}" width="{:.1f}" height="{:.1f}"/>)", left, top, x.to() - left,
           bottom - top);

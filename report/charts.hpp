@@ -20,6 +20,7 @@ struct Line {
   Vector x, y;         ///< NaN: a gap
   bool steps = false;  ///< constant from point to point, with the value of the right one
   bool marks = false;  ///< a mark on every point
+  bool orbit = false;  ///< x does not ascend
 };
 
 /// A horizontal line with a name.
@@ -54,7 +55,9 @@ struct TimeBars {
   std::string title, x;
   double first = 0, last = 1;
   std::vector<std::string> names;
-  std::vector<std::vector<std::pair<double, double>>> bars;  ///< from, to
+  std::vector<std::vector<std::pair<double, double>>> bars;        ///< from, to
+  std::vector<std::vector<std::pair<double, double>>> light = {};  ///< where it is on in another way
+  std::vector<std::vector<double>> ticks = {};                     ///< times
 };
 std::string time_bars(const TimeBars&);
 

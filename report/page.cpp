@@ -33,8 +33,8 @@ std::string page(const Report& report) {
       "<meta name=\"color-scheme\" content=\"light dark\"/>\n<title>{0} – bromwich</title>\n<style>\n{1}</style>\n"
       "</head>\n<body>\n<main>\n<h1>{0}</h1>\n",
       escaped(title(report)), page_style);
-  for (const auto part : {outcome_part, facts_part, certificate_part, curves_part, active_part, convergence_part,
-                          error_part, time_part, summary_part})
+  for (const auto part : {outcome_part, facts_part, certificate_part, contacts_part, curves_part, active_part,
+                          convergence_part, error_part, time_part, summary_part})
     html += part(report);
   html += fmt::format("<footer>{} · bromwich {}</footer>\n</main>\n</body>\n</html>\n", escaped(report.source),
                       escaped(report.version));

@@ -37,12 +37,11 @@ double largest_of(const Eigen::Ref<const RowMatrix>& values) {
   return largest;
 }
 
-/// With its times in thousands of their unit, or parts of them, as the axes show them.
+/// With its times as the axes show them.
 Report with_drawn_times(Report report) {
-  Vector& t = report.table.t;
-  if (t.size() == 0) return report;
-  const ScaledUnit unit = with_prefix(report.table.time_unit, t.cwiseAbs().maxCoeff());
-  t /= unit.size;
+  if (report.table.t.size() == 0) return report;
+  const ScaledUnit unit = drawn_time(report);
+  report.table.t /= unit.size;
   report.table.time_unit = unit.name;
   return report;
 }

@@ -46,6 +46,12 @@ inline std::string with_unit(const std::string& name, const std::string& unit) {
 
 inline std::string time_label(const Report& report) { return with_unit("time t", report.table.time_unit); }
 
+/// The unit of times on axes: thousands of that of the table, or parts of it.
+inline ScaledUnit drawn_time(const Report& report) {
+  const Vector& t = report.table.t;
+  return with_prefix(report.table.time_unit, t.size() > 0 ? t.cwiseAbs().maxCoeff() : 1);
+}
+
 /// The unit of all columns, or "" if they differ.
 inline std::string common_unit(const Quantity& q) {
   const bool same = std::adjacent_find(q.units.begin(), q.units.end(), std::not_equal_to<>()) == q.units.end();

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
 
 namespace bromwich::report {
@@ -52,6 +53,14 @@ std::vector<Index> thinned(const Eigen::Ref<const Vector>& t, const Eigen::Ref<c
   for (const Kept& part : parts) part.append(rows);
   std::sort(rows.begin(), rows.end());
   rows.erase(std::unique(rows.begin(), rows.end()), rows.end());
+  return rows;
+}
+
+std::vector<Index> thinned_orbit(const Eigen::Ref<const Vector>& x, const Eigen::Ref<const Vector>& y, Index buckets) {
+  const Vector place = Vector::LinSpaced(x.size(), 0, double(x.size() - 1));
+  const std::vector<Index> of_x = thinned(place, x, buckets), of_y = thinned(place, y, buckets);
+  std::vector<Index> rows;
+  std::set_union(of_x.begin(), of_x.end(), of_y.begin(), of_y.end(), std::back_inserter(rows));
   return rows;
 }
 

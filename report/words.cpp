@@ -25,6 +25,11 @@ const Json* at(const Json& summary, const std::string& path) {
   return place;
 }
 
+bool is_true(const Json& summary, const std::string& path) {
+  const Json* value = at(summary, path);
+  return value && value->is_boolean() && value->get<bool>();
+}
+
 std::string sentence(const std::string& text) { return text.empty() || text.back() == '.' ? text : text + "."; }
 
 std::string rounded(double value) { return short_number(value, 3); }
@@ -107,6 +112,10 @@ std::vector<Certificate> certificates(const Json& summary) {
   if (!of_goal && !number_at(summary, "error_estimate") && ended)
     list.push_back(
         {"estimated error", "not estimated", "one grid does not show the error of its steps; --tol EPS estimates it"});
+  add("energy/error", "balance of energy",
+      fmt::format(
+          "of a structure: energy at 0 and supplied less that at T and lost, relative to the largest of these{}",
+          is_true(summary, "energy/located") ? "" : "; from the rows, with the order of the steps"));
   add("algebraic_error", "iteration error", "what further sweeps or cycles would still change, estimated");
   add("magnification", "growth of perturbations",
       "a perturbation grows at most by this factor along the solution, also one by rounding");

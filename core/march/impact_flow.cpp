@@ -88,6 +88,11 @@ ImpactResponse::ImpactResponse(const ImpactFlow& flow, const SparseMatrix& B, co
     for (std::size_t k = 0; k < seen.values.size(); ++k) entries.row(Index(k)) = seen.values[k].reshaped().transpose();
     terms_.push_back(significant_terms(seen.values));
   }
+  rows_.resize(std::size_t(B.cols()));
+  for (Index c = 0; c < B.cols(); ++c)
+    for (Index r = 0; r < outputs_; ++r)
+      if (std::any_of(terms_.begin(), terms_.end(), [&](const Matrix& of_piece) { return of_piece(r, c) > 0; }))
+        rows_[std::size_t(c)].push_back(r);
 }
 
 double ImpactResponse::at(double d, Index row, Index column) const {

@@ -35,12 +35,15 @@ class ImpactResponse {
 
   /// The entry of C D(d) in this row and column.
   double at(double d, Index row, Index column) const;
+  /// Rows of a column that are not 0 for all d.
+  const std::vector<Index>& rows(Index column) const { return rows_[std::size_t(column)]; }
 
  private:
   double length_;                ///< of a piece
   Index outputs_;                ///< rows of C
   std::vector<Matrix> entries_;  ///< of each piece: coefficients x (entries, column by column), of d C D(d)
   std::vector<Matrix> terms_;    ///< of each piece: outputs x inputs, how many coefficients are more than rounding
+  std::vector<std::vector<Index>> rows_;  ///< of each column
 };
 
 }  // namespace bromwich

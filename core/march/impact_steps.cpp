@@ -124,11 +124,14 @@ bool ImpactSteps::goes_on_as_before(const SmoothSources& now) {
 // M + speeds D of these rows.
 Matrix ImpactSteps::matrix(double d, const std::vector<Index>& rows) const {
   Matrix W = rows_.M(rows, rows);
+  std::vector<Index> place(std::size_t(y_.size()), -1);
+  for (std::size_t r = 0; r < rows.size(); ++r)
+    if (!rows_.is(rows[r], Kind::room)) place[std::size_t(rows[r])] = Index(r);
   for (std::size_t c = 0; c < rows.size(); ++c) {
     if (rows_.is(rows[c], Kind::spring)) W(Index(c), Index(c)) /= d;
     if (!rows_.is_force[std::size_t(rows[c])]) continue;
-    for (std::size_t r = 0; r < rows.size(); ++r)
-      if (!rows_.is(rows[r], Kind::room)) W(Index(r), Index(c)) += response_.at(d, rows[r], rows[c]);
+    for (const Index i : response_.rows(rows[c]))
+      if (const Index r = place[std::size_t(i)]; r >= 0) W(r, Index(c)) += response_.at(d, i, rows[c]);
   }
   return W;
 }

@@ -140,4 +140,20 @@ struct ContactReport {
 /// Of a solved result with located switches, or with all states. Throws Error where steps have not recorded them.
 ContactReport contact_report(const Mechanism&, const Result&);
 
+/// Whether a result is solved, with all states, and with located switches or all rows of its steps.
+bool has_contact_report(const Mechanism&, const Result&);
+
+/// A number of a contact at each row of a result.
+struct ContactColumn {
+  std::string name, meaning;
+  Vector values;
+};
+
+/// lt along each tangent ("c0.lt", of two tangents "c0.lt0", "c0.lt1") and what each contact does ("c0.state"), on rows
+/// of a result, or of others at times between. `x` has all states. Beside jumps of lt as y is, on the same side.
+std::vector<ContactColumn> contact_columns(const Mechanism&, const ContactReport&, const Vector& t, const RowMatrix& x,
+                                           const RowMatrix& y);
+/// Their names.
+std::vector<std::string> contact_column_names(const Mechanism&);
+
 }  // namespace bromwich

@@ -71,6 +71,7 @@ class ContactReport:
         self.impacts: list[ContactImpact] = [ContactImpact(*p) for p in found["impacts"]]
         #: :class:`MechanicalEnergy`
         self.energy = MechanicalEnergy(*found["energy"])
+        self._result = result
         ends = np.cumsum(mechanism.tangents)
         friction = mechanism.friction_forces(result._answer)
         #: normal forces at the rows, J+1 values by name
@@ -93,6 +94,27 @@ class ContactReport:
             f"{e.friction:.4g} by friction and {e.impacts:.4g} by impacts, energy balance to {e.error:.0e}>"
         )
 
+    def phase_plane(self, coordinate: str | int = 0, ax: Any = None) -> Any:
+        """The velocity of a coordinate over it, from the rows. Returns the axes of Matplotlib.
+
+        Args:
+            coordinate: its name, or its number from 0.
+        """
+        scene = self._result.scene
+        names, d = scene.names["x"], scene._mechanism.coordinates
+        known = [*names[:d], *range(d)]
+        if coordinate not in known:
+            raise Error(f"coordinate: found {coordinate!r}; choose from {', '.join(map(str, known))}", "coordinate")
+        i = names.index(coordinate) if isinstance(coordinate, str) else coordinate
+        if ax is None:
+            import matplotlib.pyplot as plt
+
+            ax = plt.subplots(layout="constrained")[1]
+        ax.plot(self._result.x[:, i], self._result.x[:, d + i])
+        ax.set_xlabel(names[i])
+        ax.set_ylabel(names[d + i])
+        return ax
+
     def plot(self, ax: Any = None) -> Any:
         """Bars of all contacts over time: slip light, stick dark, impacts as ticks. Returns the axes of Matplotlib."""
         if ax is None:
@@ -110,6 +132,14 @@ class ContactReport:
         ax.set_xlabel("t")
         ax.legend(loc="upper left", bbox_to_anchor=(1, 1), frameon=False)
         return ax
+
+
+def contact_series(result: Any) -> list[tuple[str, str, np.ndarray]]:
+    """For files: name, meaning, and values at the rows; none where not all states are there."""
+    mechanism = getattr(result.scene, "_mechanism", None)
+    if mechanism is None:
+        return []
+    return [(name, meaning, np.array(values)) for name, meaning, values in mechanism.columns(result._answer)]
 
 
 def report_of(result: Any) -> ContactReport:

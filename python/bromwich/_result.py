@@ -12,7 +12,7 @@ import numpy as np
 from . import _core
 from ._arrays import number, whole_number
 from ._balance import Balance, ElementPower
-from ._contacts import ContactReport, report_of
+from ._contacts import ContactReport, contact_series, report_of
 from ._derivative import Derivative
 from ._errors import require
 from ._io import complete, extension_of
@@ -147,7 +147,7 @@ class Result(Rows):
         return modes_at_rows(self._scene._model, self._answer)
 
     def _mode_series(self) -> list[tuple[str, str, np.ndarray]]:
-        return mode_series(self._scene._model, self._answer)
+        return mode_series(self._scene._model, self._answer) + contact_series(self)
 
     @property
     def mode_changes(self) -> list[ModeChange]:
@@ -322,9 +322,12 @@ class Result(Rows):
             "summary": json.dumps(summary),
         }
 
-    def _stated(self) -> tuple[dict[str, float], dict[str, list[str]], dict[str, list[str]]]:
-        """Parameters, names and units of the scene."""
-        return self._scene.parameters, self._scene.names, self._scene.units
+    def _stated(self) -> tuple[dict[str, float], dict[str, list[str]], dict[str, list[str]], Any]:
+        """Parameters, names and units of the scene, and its structure."""
+        return self._scene.parameters, self._scene.names, self._scene.units, self._structure()
+
+    def _structure(self) -> Any:
+        return getattr(self._scene, "_mechanism", None)
 
     @overload
     def derivative(self, *, located: bool | None = None, all_times: bool = False) -> Derivative: ...

@@ -99,12 +99,16 @@ const char* word(ContactState state) {
 
 std::vector<double> list(const Vector& v) { return {v.begin(), v.end()}; }
 
-nb::dict report(const Mechanism& m, const Answer& answer) {
-  const ContactReport found = interruptible([&] {
+ContactReport found_in(const Mechanism& m, const Answer& answer) {
+  return interruptible([&] {
     Mechanism of_answer = m;
     of_answer.scene = answer.model->scene;
     return contact_report(of_answer, answer.result);
   });
+}
+
+nb::dict report(const Mechanism& m, const Answer& answer) {
+  const ContactReport found = found_in(m, answer);
   nb::list contacts, phases, impacts;
   for (const ContactSummary& c : found.contacts)
     contacts.append(nb::make_tuple(c.open, c.stick, c.slip, c.normal_impulse, list(c.friction_impulse),
@@ -122,6 +126,15 @@ nb::dict report(const Mechanism& m, const Answer& answer) {
   d["impacts"] = impacts;
   d["energy"] = nb::make_tuple(e.initial, e.supplied, e.stored, e.damping, e.friction, e.impacts, e.error);
   return d;
+}
+
+nb::list columns(const Mechanism& m, const Answer& answer) {
+  const Result& r = answer.result;
+  nb::list all;
+  if (!has_contact_report(m, r)) return all;
+  for (const ContactColumn& column : contact_columns(m, found_in(m, answer), r.t, r.x, r.y))
+    all.append(nb::make_tuple(column.name, column.meaning, list(column.values)));
+  return all;
 }
 
 }  // namespace
@@ -142,6 +155,7 @@ void bind_mechanics(nb::module_& m) {
                    })
       .def_prop_ro("coordinates", &Mechanism::coordinates)
       .def("report", &report, nb::arg("answer"))
+      .def("columns", &columns, nb::arg("answer"))
       .def(
           "normal_forces", [](const Mechanism& s, const Answer& a) { return owned(s.normal_forces(a.result.y)); },
           nb::arg("answer"))

@@ -1,6 +1,7 @@
 // The page of a result, and the object that describes it: those of the command.
 
 #include "answer.hpp"
+#include "app/mechanism_output.hpp"
 #include "app/output_json.hpp"
 #include "core/build_info.hpp"
 #include "report/page.hpp"
@@ -33,23 +34,30 @@ app::SceneChoice choice_of(const Answer& answer, const std::map<std::string, dou
   return choice;
 }
 
-app::Json object_of(const Answer& answer, const app::SceneChoice& choice) {
+/// `mechanism`: null for a scene that is no structure.
+app::Json object_of(const Answer& answer, const app::SceneChoice& choice, const Mechanism* mechanism) {
   const std::vector<std::string> decisions;
   const int threads = answer.machine->backend->device().threads;
-  return app::to_json(choice, answer.result, threads, {}, {answer.options, decisions});
+  app::Json object = app::to_json(choice, answer.result, threads, {}, {answer.options, decisions});
+  if (mechanism) {
+    Mechanism of_answer = *mechanism;
+    of_answer.scene = answer.model->scene;
+    app::report_on_contacts(of_answer, answer.result, object);
+  }
+  return object;
 }
 
 std::string summary(const Answer& answer, const std::map<std::string, double>& parameters, const Texts& names,
-                    const Texts& units) {
+                    const Texts& units, const Mechanism* mechanism) {
   const nb::gil_scoped_release released;
-  return app::dump(object_of(answer, choice_of(answer, parameters, names, units)));
+  return app::dump(object_of(answer, choice_of(answer, parameters, names, units), mechanism));
 }
 
 std::string page(const Answer& answer, const std::map<std::string, double>& parameters, const Texts& names,
-                 const Texts& units) {
+                 const Texts& units, const Mechanism* mechanism) {
   const nb::gil_scoped_release released;
   const app::SceneChoice choice = choice_of(answer, parameters, names, units);
-  return report::page({object_of(answer, choice), report::as_table(choice.scene, answer.result),
+  return report::page({object_of(answer, choice, mechanism), report::as_table(choice.scene, answer.result),
                        "bromwich.solve, Python", build_info::version});
 }
 
@@ -66,7 +74,8 @@ std::string page_of_file(const std::string& name) {
 void bind_report(nb::module_& m) {
   for (const auto& [name, function, words] : {std::tuple("summary", &summary, "The object of solve --json, as text."),
                                               {"page", &page, "The page of solve --report, as HTML."}})
-    m.def(name, function, nb::arg("answer"), nb::arg("parameters"), nb::arg("names"), nb::arg("units"), words);
+    m.def(name, function, nb::arg("answer"), nb::arg("parameters"), nb::arg("names"), nb::arg("units"),
+          nb::arg("mechanism").none(), words);
   m.def("page_of_file", &page_of_file, nb::arg("name"), "The page of a file of results, as HTML.");
   m.attr("commit") = build_info::commit;
 }

@@ -2,6 +2,7 @@
 
 #include "arrays.hpp"
 #include "core/base/error.hpp"
+#include "core/base/time_function.hpp"
 
 #include <nanobind/eigen/dense.h>
 
@@ -96,7 +97,7 @@ class Walked {
 }  // namespace
 
 Source constant_source(const Vector& value) {
-  const SeparableSource one{value, [](double, Eigen::Ref<Vector> out) { out[0] = 1; }};
+  const SeparableSource one{value, one_at_all_times()};
   Source source{TimeFunction(one), value.size(), {}, true};
   source.state = [value] { return nb::make_tuple("constant", value); };
   return source;

@@ -1,5 +1,6 @@
 """Structures with contacts: as files and as C++ state them, against references of a program of its own."""
 
+import json
 import pickle
 
 import numpy as np
@@ -71,6 +72,33 @@ def test_bars_of_contacts():
     r = bromwich.solve(block(belt(restitution=0.5)).scene(T=10), tol=1e-6, states="all")
     ax = r.contacts.plot()
     assert [label.get_text() for label in ax.get_yticklabels()] == ["belt"] and ax.get_xlabel() == "t"
+    plt.close("all")
+
+
+def test_contacts_in_files_and_pages(tmp_path):
+    r = bromwich.solve(block(belt(restitution=0.5)).scene(T=10), tol=1e-6, states="all")
+    r.save(tmp_path / "r.npz")
+    with np.load(tmp_path / "r.npz") as file:
+        np.testing.assert_array_equal(file["belt.lt"], r.contacts.friction["belt"])
+        sticks = file["belt.state"] == 1
+        assert sticks.any() and np.abs(r.x[sticks, 2] - 0.4).max() < 1e-9
+    r.save(tmp_path / "r.csv")
+    assert (tmp_path / "r.csv").read_text().splitlines()[0].endswith(",belt.lt,belt.state")
+    r.report(tmp_path / "r.html")
+    page = (tmp_path / "r.html").read_text()
+    assert "<h2>Contacts</h2>" in page and "balance of energy" in page and "q1 in the phase plane" in page
+    summary = json.loads(bromwich.load(tmp_path / "r.npz").attributes["summary"])
+    assert summary["contacts"]["belt"]["friction_loss"] == r.contacts["belt"].friction_loss
+
+
+def test_phase_plane():
+    plt = pytest.importorskip("matplotlib.pyplot")
+    r = bromwich.solve(block(belt(restitution=0.5)).scene(T=10), tol=1e-6, states="all")
+    ax = r.contacts.phase_plane("q1")
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("q1", "v_q1")
+    np.testing.assert_array_equal(ax.lines[0].get_xydata(), r.x[:, [1, 3]])
+    with pytest.raises(bromwich.Error, match="coordinate: found 'q7'; choose from q0, q1, 0, 1"):
+        r.contacts.phase_plane("q7")
     plt.close("all")
 
 

@@ -112,6 +112,35 @@ TEST_F(CliOutput, EnergiesInAllFormats) {
   }
 }
 
+TEST_F(CliOutput, ContactsInAllFormats) {
+  std::ofstream(folder_ / "s.toml") << "[structure]\nM = 1\nK = [[1]]\nf = [\"0.5*sin(t)\"]\n[[contact]]\nname = "
+                                       "\"pad\"\ntangent = [1]\nbound = 0.2\n[time]\nT = 6\nsteps = 60\n";
+  for (const std::string name : {"c.csv", "c.h5", "c.npz"}) {
+    const Outcome outcome = run("solve s.toml --method events --states all --out " + name);
+    ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  }
+  const auto column = [&](const std::string& file, const std::string& name) {
+    const std::vector<std::string> header = split(split(read(folder_ / file), '\n').at(0), ',');
+    return Vector(table(folder_ / file).col(std::find(header.begin(), header.end(), name) - header.begin()));
+  };
+  const Vector lt = column("c.csv", "pad.lt"), state = column("c.csv", "pad.state"), v = column("c.csv", "v_q0");
+  for (Index j = 1; j < lt.size(); ++j) {
+    if (state[j] == 1) EXPECT_NEAR(v[j], 0, 1e-9);
+    if (state[j] == 2) EXPECT_NEAR(lt[j], v[j] > 0 ? -0.2 : 0.2, 1e-9);
+  }
+  EXPECT_EQ((state.array() == 1).count() + (state.array() == 2).count(), lt.size());
+  const Hdf5Reading h5(folder_ / "c.h5");
+  EXPECT_EQ(h5.rows("pad.lt"), lt);
+  EXPECT_EQ(h5.rows("pad.state"), state);
+  for (const char* name : {"pad.lt.npy", "pad.state.npy"}) EXPECT_TRUE(contains(read(folder_ / "c.npz"), name)) << name;
+  // The columns ask for the states that they need.
+  ASSERT_EQ(run("solve s.toml --method events --columns pad.state,pad.lt --out d.csv").exit_code, 0);
+  EXPECT_EQ(table(folder_ / "d.csv").rightCols(2), (RowMatrix(lt.size(), 2) << state, lt).finished());
+  ASSERT_EQ(run("plot c.h5 --out p.html").exit_code, 0);
+  EXPECT_TRUE(contains(read(folder_ / "p.html"), "Phase plane"));
+  EXPECT_TRUE(contains(run("check c.h5").out, "balance of energy"));
+}
+
 TEST_F(CliOutput, ResultsAreDrawnAndChecked) {
   ASSERT_EQ(run(heat + "--steps 40 --states 0,3 --out r.csv --json > r.json").exit_code, 0);
   ASSERT_EQ(run(heat + "--steps 40 --states 0,3 --out r.h5").exit_code, 0);

@@ -8,6 +8,7 @@
 #include "core/solve/cost.hpp"
 #include "core/solve/solve.hpp"
 #include "cpu/cpu_backend.hpp"
+#include "tests/mechanics/structures.hpp"
 #include "tests/support/refusal.hpp"
 
 #include <gtest/gtest.h>
@@ -165,6 +166,51 @@ TEST(SideBySide, ASceneThatDoesNotFitBesideOthersIsLeft) {
   both.take(
       {0, 1}, false, [&](Index) { ++done; }, [] {});
   EXPECT_EQ(done, 0);
+}
+
+// Contacts are marched as a single solve does it, without the located solution that it compares with.
+TEST(SingleSolves, ContactsOfABatchAreThoseOfSingleSolves) {
+  const auto backend = one_thread();
+  Options options = with(Method::march);
+  options.steps = 800;
+  options.states = StateSelection::all;
+  std::vector<Scene> scenes;
+  for (std::uint32_t seed = 0; seed < 24; ++seed) {
+    const DrawnStructure drawn = random_structure(seed, 2, 1, false, {0.1, 0.2, 0.4});
+    scenes.push_back(make_mechanism(drawn.structure, drawn.contacts).scene);
+  }
+  const BatchResult found = solve_batch(batch_of(scenes), *backend, options);
+  Index compared = 0;
+  for (Index k = 0; k < found.scenes; ++k) {
+    const Result one = solve(scenes[std::size_t(k)], *backend, options);
+    if (one.status != Status::solved) continue;
+    ++compared;
+    ASSERT_EQ(found.status[std::size_t(k)], Status::solved) << k << ": " << found.reason[std::size_t(k)];
+    EXPECT_EQ(RowMatrix(found.of(found.x, k)), one.x) << k;
+    EXPECT_EQ(RowMatrix(found.of(found.y, k)), one.y) << k;
+  }
+  EXPECT_GE(compared, 20);
+}
+
+TEST(SingleSolves, ContactsOfABatchTakeSourcesAtTheirSteps) {
+  const auto calls = std::make_shared<std::atomic<Index>>(0);
+  Structure s = block(1.3, 10);
+  s.f = [calls, f = s.f](double t, Eigen::Ref<Vector> value) {
+    ++*calls;
+    f(t, value);
+  };
+  Options options = with(Method::march);
+  options.steps = 400;
+  std::vector<Scene> scenes;
+  for (const double mu : {0.2, 0.3, 0.4}) {
+    Contact c = belt(0.5);
+    c.mu = mu;
+    scenes.push_back(make_mechanism(s, {c}).scene);
+  }
+  const BatchResult found = solve_batch(batch_of(scenes), *one_thread(), options);
+  EXPECT_EQ(found.solved(), 3);
+  // At the ends and in the middle of each step, and for natural units, residuals and rows of sources.
+  EXPECT_LE(*calls, 3 * 8 * options.steps);
 }
 
 }  // namespace

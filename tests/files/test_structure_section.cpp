@@ -60,6 +60,13 @@ TEST(StructureSection, SwitchesOfItsSourcesAreFound) {
             std::vector<double>{3});
 }
 
+TEST(StructureSection, ConstantsAreLines) {
+  EXPECT_TRUE(parse_sections(on_a_belt).scene.g.linear());
+  std::string moving = on_a_belt;
+  moving.replace(moving.find("velocity = 0.4"), 14, "velocity = \"0.4*cos(t)\"");
+  EXPECT_FALSE(parse_sections(moving).scene.g.linear());
+}
+
 TEST(StructureSection, APeriodicStateHasNoStart) {
   const std::string periodic =
       "[structure]\nM = [[1]]\nK = 4\nperiodic = true\nf = [\"sin(t)\"]\n[[contact]]\ntangent = [1]\nbound = 0.2\n"

@@ -69,7 +69,7 @@ inline Mechanism rattling_gear(double mu, double e, double T) {
   s.T = T;
   s.breakpoints_are_all = true;
   std::vector<Contact> flanks(2);
-  for (const auto [flank, side] : {std::pair(&flanks[0], 1.0), {&flanks[1], -1.0}}) {
+  for (const auto& [flank, side] : {std::pair(&flanks[0], 1.0), {&flanks[1], -1.0}}) {
     flank->normal = Vector{{side, 0}};
     flank->gap = always(play);
     flank->tangent = Matrix{{0, 1}};

@@ -242,6 +242,28 @@ TEST(Mechanism, OtherUnitsHaveTheSameMotion) {
   EXPECT_LE((y / 1000 - x).cwiseAbs().maxCoeff(), digits);
 }
 
+TEST(Mechanism, SourcesAreLinesWhereTheirPartsAre) {
+  const TimeFunction speed = LinearSource{[](double t, Eigen::Ref<Vector> v) { v[0] = 0.1 + t; }};
+  const Structure s = block(1, 1);
+  Contact c = belt();
+  c.velocity = speed;
+  EXPECT_TRUE(make_mechanism(s, {c}).scene.g.linear());
+  c.gap = of_time([](double t) { return t * t; });
+  const Scene bent = make_mechanism(s, {c}).scene;
+  EXPECT_FALSE(bent.g.linear());
+  Vector g(3);
+  bent.g(0.5, g);
+  EXPECT_EQ(g, (Vector{{0.25, -0.6, 0}}));
+  Contact jaw;
+  jaw.tangent = Matrix{{0, 1}}, jaw.bound = speed, jaw.velocity = speed, jaw.kt = 2;
+  const Scene spring = make_mechanism(s, {jaw}).scene;
+  Vector f(5), room(2);
+  spring.f(0.5, f), spring.g(0.5, room);
+  EXPECT_FALSE(spring.f.linear());  // that of the structure is not
+  EXPECT_NEAR(f[4], -1.2, 1e-15);   // -kt V
+  EXPECT_EQ(room, Vector::Constant(2, 0.6));
+}
+
 // A chain with many states is sparse with a mass matrix, and is the same system.
 TEST(Mechanism, ManyCoordinatesAreSparse) {
   constexpr Index d = 150;

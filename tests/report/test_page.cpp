@@ -72,6 +72,37 @@ TEST(Page, SaysInWordsWhatTheSummarySays) {
   for (const char* never : {"<script", "<scene>", "nan", "href", "src="}) EXPECT_FALSE(contains(html, never)) << never;
 }
 
+/// Widths of the bars of a style.
+std::vector<double> widths(const std::string& html, const std::string& style) {
+  std::vector<double> found;
+  const std::regex bar("<rect class=\"" + style + "\" x=\"[-0-9.]+\" y=\"[-0-9.]+\" width=\"([-0-9.]+)\"");
+  for (std::sregex_iterator i(html.begin(), html.end(), bar), end; i != end; ++i) found.push_back(std::stod((*i)[1]));
+  return found;
+}
+
+TEST(Page, ContactsOfAStructure) {
+  Report report = sample();
+  EXPECT_EQ(contacts_part(report), "");
+  report.summary.update(Json::parse(R"json({"coordinates": 1, "contacts": {"<floor>": {
+    "stick": 0.5, "slip": 1, "open": 0.5, "normal_impulse": 7.25, "largest_normal": 3, "friction_loss": 0.125,
+    "impact_loss": 0.0625, "phases": [{"begin": 0, "end": 0.5, "state": "stick"}, {"begin": 0.5, "end": 1, "state": "open"},
+    {"begin": 1, "end": 2, "state": "slip"}], "impacts": [{"t": 1}]}},
+    "energy": {"located": true, "initial": 1, "supplied": 2, "stored": 2.5, "damping": 0.25, "friction": 0.125,
+               "impacts": 0.125, "error": 3e-12}})json"));
+  report.table.quantities.push_back(
+      {"x", {"q0", "v_q0"}, {"", ""}, RowMatrix{{0, 1}, {1, 0}, {0, -1}, {-1, 0}, {0, 1}}});
+  const std::string html = contacts_part(report);
+  ASSERT_EQ(widths(html, "bar").size(), 1u);
+  ASSERT_EQ(widths(html, "bar light").size(), 1u);
+  EXPECT_NEAR(widths(html, "bar light")[0], 2 * widths(html, "bar")[0], 0.2);  // 1 and 0.5, to 0.1 units of the picture
+  for (const char* words :
+       {"&lt;floor&gt;", "7.25", "0.0625", "class=\"tick\"", "Phase plane", "q0 in the phase plane"})
+    EXPECT_TRUE(contains(html, words)) << words;
+  EXPECT_EQ(heights(html).size(), 5u);
+  EXPECT_TRUE(contains(certificate_part(report), "balance of energy"));
+  EXPECT_TRUE(contains(certificate_part(report), "3e−12"));
+}
+
 TEST(Page, PartsOfTheTimeAddUp) {
   const std::string html = time_part(sample());
   // 760 units less two margins of 4: set-up takes a quarter.

@@ -54,6 +54,19 @@ TEST(Thinning, KeepsTheRangeOfEveryPart) {
   }
 }
 
+TEST(Thinning, OrbitsKeepExtremesOfBothCoordinates) {
+  const Index rows = 60000;
+  const Vector phase = Vector::LinSpaced(rows, 0, 400);
+  Vector x = phase.array().cos(), y = phase.array().sin();
+  x[31234] = 3, y[47777] = -5;
+  const std::vector<Index> kept = thinned_orbit(x, y, 300);
+  EXPECT_LE(kept.size(), 8u * 300 + 4);
+  EXPECT_TRUE(std::is_sorted(kept.begin(), kept.end()));
+  EXPECT_EQ(extreme(x, kept, true), 3);
+  EXPECT_EQ(extreme(y, kept, false), -5);
+  EXPECT_EQ(thinned_orbit(x.head(9), y.head(9), 4).size(), 9u);
+}
+
 TEST(Thinning, FewRowsStayAndGapsStayGaps) {
   const Vector few = Vector::LinSpaced(9, 0, 1);
   EXPECT_EQ(thinned(few, few, 4).size(), 9u);
