@@ -317,6 +317,7 @@ double value_of(const Scene& scene, const Result& at, Index j, const Column& c) 
       return at.trace(j, c.component);
     case ColumnKind::mode:
       return at.modes(j, c.component);
+    case ColumnKind::contact:  // not among the columns of data
     case ColumnKind::w:
       break;
   }

@@ -47,6 +47,7 @@ Vector column_of(const SolutionChange& d, const Vector& t, const Scene& scene, c
       case ColumnKind::x:
         return d.x(row, c.component);
       case ColumnKind::mode:
+      case ColumnKind::contact:  // not among the columns of derivatives
         return 0.0;
       case ColumnKind::trace:
         break;

@@ -113,7 +113,7 @@ PerScene<DataChange> BatchDerivative::vjp(const std::vector<SolutionChange>& fun
                         Matrix::Constant(n_, n_, NAN),
                         {}};
   auto found = each(functions, threads, none, [](const auto& d, const SolutionChange& c) { return d.vjp(c); });
-  if (together_) together_->vjp(functions, found.value, found.reason);
+  if (together_) together_->vjp(functions, found.value);
   return found;
 }
 

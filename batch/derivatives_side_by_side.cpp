@@ -219,8 +219,7 @@ void DerivativesSideBySide::jvp(const std::vector<DataChange>& changes, std::vec
   }
 }
 
-void DerivativesSideBySide::vjp(const std::vector<SolutionChange>& functions, std::vector<DataChange>& to,
-                                std::vector<std::string>& reason) const {
+void DerivativesSideBySide::vjp(const std::vector<SolutionChange>& functions, std::vector<DataChange>& to) const {
   const Index m = problem_.m, n = problem_.n, K = Index(scenes_.size());
   for (const SolutionChange& of : functions) {
     check_table("y", of.y, rows(), n);

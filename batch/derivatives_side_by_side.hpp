@@ -32,9 +32,9 @@ class DerivativesSideBySide {
   DerivativeMargin margin(Index k) const;
 
   /// Of one change for all scenes, or of one for each scene of the batch. Values of scenes that are not here stay as
-  /// they are, and so do those without a derivative in this direction, which get a reason.
+  /// they are, and so do those without a derivative in the direction of a jvp, which get a reason.
   void jvp(const std::vector<DataChange>&, std::vector<SolutionChange>& to, std::vector<std::string>& reason) const;
-  void vjp(const std::vector<SolutionChange>&, std::vector<DataChange>& to, std::vector<std::string>& reason) const;
+  void vjp(const std::vector<SolutionChange>&, std::vector<DataChange>& to) const;
 
  private:
   DerivativesSideBySide(const DenseDynamics&, SceneArraysProblem, Backend&, std::vector<Index> scenes, Index of_batch);

@@ -273,10 +273,10 @@ double stated_residual(const Scene& scene, const Result& result) {
     const Vector given = y;
     y = y.cwiseMin(w);
     for (const Index i : scene.free_rows) y[i] = w[i];
-    for (const auto& [first, mu, known] : scene.cones) {
+    for (const auto& [row, mu, known] : scene.cones) {
       const Vector unscaled = Vector::Ones(3);
-      y.segment(first, 3) =
-          FrictionBlock(first, mu, known).law(given.segment(first, 3), w.segment(first, 3), unscaled, nullptr, nullptr);
+      y.segment(row, 3) =
+          FrictionBlock(row, mu, known).law(given.segment(row, 3), w.segment(row, 3), unscaled, nullptr, nullptr);
     }
     const double missed = y.cwiseAbs().maxCoeff() / std::max(1.0, q.cwiseAbs().maxCoeff());
     worst = std::isnan(worst) ? missed : std::max(worst, missed);
