@@ -246,7 +246,7 @@ class LocatedShooting {
       if (!K.regular && now_.defect > zero && !solvable(K))
         return give_up("E0 + ET D is singular (D: the derivative of x(T) by x(0)), and no x(0) was found");
       if ((step <= small_step && now_.defect <= small_F) || now_.defect <= zero) {
-        solution_.x0 = nearest_feasible(scene_, now_.x + dx, size_of_states());
+        solution_.x0 = without_rounding(now_.x + dx);
         return true;
       }
       if (periodic_ && k >= slow_steps && now_.defect > before[k - slow_steps] / 2) break;
@@ -259,6 +259,12 @@ class LocatedShooting {
       }
     }
     return give_up(text("Newton's method ends with %.1e of the boundary condition", now_.defect));
+  }
+
+  // What x is off a constraint by rounding is taken away. More is an impulse at t = 0.
+  Vector without_rounding(const Vector& x) const {
+    const Vector on = nearest_feasible(scene_, x, size_of_states());
+    return ((on - x).cwiseAbs().array() <= small_step * size_of_states().array()).all() ? on : x;
   }
 
   // Whether the part of F that no dx moves is error of the flow.

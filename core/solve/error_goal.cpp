@@ -23,10 +23,12 @@ double ErrorGoal::smallest() const { return y > 0 && x > 0 ? std::min(y, x) : st
 
 ComponentSizes sizes_for(const Scene& scene, const InnerOptions& o) {
   ComponentSizes sizes;
-  sizes.relative = o.tolerance > 0 || o.tolerance_x > 0 || o.tolerance_y > 0;
+  const bool none = o.tolerance == 0 && o.tolerance_x == 0 && o.tolerance_y == 0;
+  sizes.relative = !none || o.absolute_tolerance == 0;
   if (sizes.relative) {
-    sizes.absolute = o.absolute_tolerance / ErrorGoal(o).smallest();
-    sizes.zero = rounding_of_terms / ErrorGoal(o).smallest();
+    const double tolerance = none ? assumed_tolerance : ErrorGoal(o).smallest();
+    sizes.absolute = o.absolute_tolerance / tolerance;
+    sizes.zero = rounding_of_terms / tolerance;
   }
   if (!o.units || o.units->trivial()) return sizes;
   const auto ones = [](const std::vector<int>& exponents, const std::vector<Index>& which) {

@@ -15,6 +15,8 @@ struct ErrorGoal {
   double smallest() const;
 };
 
+inline constexpr double assumed_tolerance = 1e-4;  ///< of located events where none is given
+
 /// The sizes to which errors of components are compared: relative, absolute, or in the units of the scene.
 ComponentSizes sizes_for(const Scene&, const InnerOptions&);
 

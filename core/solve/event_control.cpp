@@ -24,7 +24,6 @@ constexpr double least_first = 1e-10;     ///< of the first integration at least
 constexpr double ratio = 1e-3;            ///< of the tolerances of two integrations
 constexpr double finest_tolerance = 1e-12, finest_first = 1e-11;
 constexpr double agreed = 0.8;             ///< of the tolerance
-constexpr double assumed = 1e-4;           ///< the tolerance where none is given
 constexpr double nothing_known = 1;        ///< an error that is as large as the solution
 constexpr double rounding = 64 * epsilon;  ///< smaller differences say nothing
 constexpr Index most_halvings = 6;         ///< of the steps between rows
@@ -106,7 +105,7 @@ class EventControl {
         options_(options),
         sizes_(sizes),
         goal_(goal),
-        tolerance_(goal.tolerance > 0 ? goal.tolerance : assumed),
+        tolerance_(goal.tolerance > 0 ? goal.tolerance : assumed_tolerance),
         lcp_class_(selection_class(scene.M, scene.lcp_class)),
         components_(recorded_components(scene, options)) {}
 

@@ -75,6 +75,31 @@ TEST(ShootingWithImpacts, TheImpactOscillatorIsPeriodic) {
   }
 }
 
+// x1' = -x1 + y, x2' = -x2 + x1 + 2 y, 0 <= y, x1 >= 1 - t: g jumps where a period ends, and x with it, by (p, 2 p).
+// Behind it x1 = e^{-t}, x2 = (x2(0) + 2 p + t) e^{-t}, so that p = 1 - 1 / e and x2(0) = (2 p + 1) / (e - 1).
+TEST(ShootingWithImpulses, OneWhereThePeriodEnds) {
+  constexpr double e = std::numbers::e, p = 1 - 1 / e;
+  Scene scene;
+  scene.dynamics = DenseDynamics{Matrix{{-1, 0}, {1, -1}}, Matrix{{1}, {2}}, Matrix{{1, 0}}};
+  scene.M = Matrix{{0}};
+  scene.g = [](double t, Eigen::Ref<Vector> g) { g[0] = t - 1; };
+  scene.T = 1;
+  scene.boundary = BoundaryCondition{Matrix::Identity(2, 2), -Matrix::Identity(2, 2), Vector::Zero(2)};
+  for (const bool tolerance : {false, true}) {
+    Options options = options_for(Method::shooting, 50);
+    options.states = StateSelection::all;
+    if (tolerance) options.steps = 0, options.tolerance = 1e-8;
+    const Result r = run(scene, options);
+    ASSERT_EQ(r.status, Status::solved) << r.reason;
+    const Vector start{{1 / e, (2 * p + 1) / (e - 1)}};
+    EXPECT_LE((r.start - start).cwiseAbs().maxCoeff(), 1e-8);
+    EXPECT_LE((r.x.bottomRows(1).transpose() - start).cwiseAbs().maxCoeff(), 1e-8);
+    EXPECT_LE((r.x.topRows(1).transpose() - start).cwiseAbs().maxCoeff(), 1e-8);
+    EXPECT_TRUE(r.starts_with_impulse);
+    EXPECT_NEAR(r.y_integral.bottomRows(1)(0), p, 1e-8);
+  }
+}
+
 // Where periodic states of masses that bounce are found, the exact flow says so too.
 TEST(ShootingWithImpacts, RandomStructuresReturnByTheExactFlow) {
   constexpr double T = std::numbers::pi;
