@@ -23,7 +23,8 @@ namespace bromwich::app {
 
 namespace {
 
-const std::vector<std::string> commands{"scenes", "solve", "check", "plot", "response", "derivative", "fit", "bench", "info"};
+const std::vector<std::string> commands{"scenes",     "solve", "check", "plot", "response",
+                                        "derivative", "fit",   "bench", "info"};
 
 int refuse(const std::string& message) {
   complain(message);

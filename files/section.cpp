@@ -281,6 +281,10 @@ const MatrixValue& Section::matrix(const std::string& key, Index rows, Index col
   return kept("the matrix " + key, {double(rows), double(columns)}, [&] { return read_matrix(key, rows, columns); });
 }
 
+bool Section::has_rows(const std::string& key) const {
+  return has(key) && (require(key).is_array() || file(key).has_value());
+}
+
 namespace {
 
 SparseMatrix multiple_of_identity(Index size, double value) {

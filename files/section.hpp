@@ -74,6 +74,7 @@ class Section {
   /// `rows` and `columns`: the size of "identity" and "zero", if it is known; of a square one a number is that multiple
   /// of the identity. It stays as KeptValues says.
   const MatrixValue& matrix(const std::string& key, Index rows = 0, Index columns = 0) const;
+  bool has_rows(const std::string& key) const;  ///< the key is there, and its matrix is a list of rows or a file
   /// Expressions of t, or a table of values up to `last_time`; with `size` also one expression for all entries i, and a
   /// number for a single one.
   FunctionValue function(const std::string& key, double last_time, Index size = 0) const;

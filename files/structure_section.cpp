@@ -31,8 +31,10 @@ void refuse_others(const Sections& s) {
                   "leave it out: [structure], [[contact]] and [relay] say it all");
 }
 
-/// Coordinates, as far as vectors tell; 0: they do not.
+/// Coordinates, as far as matrices and vectors tell; 0: they do not.
 Index coordinates(const Sections& s) {
+  for (const char* key : {"M", "C", "K"})
+    if (s.structure.has_rows(key)) return sparse_value(s.structure.matrix(key)).rows();
   for (const char* key : {"q0", "v0"})
     if (s.structure.has(key)) return s.structure.vector(key).size();
   for (const Section& contact : s.contacts)

@@ -138,8 +138,8 @@ void EventSources::sample(const Source& source, double t, double h, LegendreCoef
     transform(c.from_samples, in_time);
   }
   source.shapes.add(in_time, coefficients);
-  // Of terms that cancel, such as a level and the signal that is compared with it.
-  constexpr double of_terms = 8 * epsilon;
+  // Of terms that may cancel, such as a level and the signal that is compared with it.
+  constexpr double of_terms = 4 * epsilon;
   for (Index k = 0; k < source.count; ++k) of_time_[k] = of_terms * in_time.col(k).cwiseAbs().sum();
   source.shapes.add_terms(of_time_, unknown);
   drop_rounding_of_time(t, h, coefficients, unknown);

@@ -60,8 +60,8 @@ void EventSteps::set_rounding(const EventStep& step) {
   terms_y_ = bounds(step.y);
   set_rounding_of_x(u.f, terms_y_, step.length, u.x);
   u.x += 64 * epsilon * bounds(step.x) + epsilon * epsilon * step.sizes.u.x;
-  u.df = grown * (4 * epsilon * u.f + unknown_f);
-  u.dg = grown * (4 * epsilon * u.g + unknown_g);
+  u.df = grown * unknown_f;
+  u.dg = grown * unknown_g;
   u.ddg = grown * u.dg;
   u.f = 64 * epsilon * u.f + unknown_f;
   u.g = 64 * epsilon * u.g + unknown_g;
