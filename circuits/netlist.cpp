@@ -391,7 +391,8 @@ Netlist read_netlist(std::string_view text, const std::string& file_name, const 
   const Level level = sort_cards(deck.cards);
   Flattening(netlist, settings, deck.control).top(level);
   if (netlist.elements.empty()) throw Error(file_name, "there is no element", "add elements behind the title line");
-  if (period) close_period(netlist, *period, file_name);
+  const bool responses_alone = !(netlist.stop > 0) && !netlist.frequencies.empty();
+  if (period || responses_alone) close_period(netlist, period.value_or(0), file_name);
   if (!(netlist.stop > 0)) throw Error(file_name, "there is no .tran", "add .tran STEP STOP");
   return netlist;
 }
