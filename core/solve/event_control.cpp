@@ -24,7 +24,7 @@ constexpr double least_first = 1e-10;     ///< of the first integration at least
 constexpr double ratio = 1e-3;            ///< of the tolerances of two integrations
 constexpr double finest_tolerance = 1e-12, finest_first = 1e-11;
 constexpr double agreed = 0.8;             ///< of the tolerance
-constexpr double nothing_known = 1;        ///< an error that is as large as the solution
+constexpr double nothing_known = 1;        ///< more is no solution: an error larger than what it is of
 constexpr double rounding = 64 * epsilon;  ///< smaller differences say nothing
 constexpr Index most_halvings = 6;         ///< of the steps between rows
 
@@ -282,7 +282,7 @@ class EventControl {
     r.residual = options_.units ? 0 : rows_->residual(r);  // in natural units that of the scene as it is stated
     const double error = std::max(of_y_, of_x_);
     if (std::isfinite(error)) r.error_estimate = error;
-    const bool good = error <= agreed * tolerance_, met = good || (!chooses_grid() && error < nothing_known);
+    const bool good = error <= agreed * tolerance_, met = good || (!chooses_grid() && error <= nothing_known);
     r.status = met ? Status::solved : Status::tolerance_not_met;
     const Notice rounded{error == doubt_ ? NoticeCode::rounding_of_y : NoticeCode::rounding, error};
     if (met && !good)
