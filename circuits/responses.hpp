@@ -1,10 +1,9 @@
 #pragma once
 // Responses of a circuit about its periodic state over frequency, by words:
 //
-// word                           response
-// V(out), I(L1), P(R1), ...      of a probe to one source, per volt or ampere; or to the AC amplitudes of the netlist
-// gain(Vz)                       of the loop that a source of 0 V stands in: -V(second node)/V(first node), Middlebrook
-// 1975 impedance(out), impedance(a,b) V(a,b) for a current of 1 A from b to a; b is ground where it is not given
+// V(out), I(L1), ...   a probe, per volt or ampere of one source, or for the AC amplitudes of the netlist
+// gain(Vz)             -V(second node)/V(first node) of the source Vz of 0 V: of the loop it stands in (Middlebrook 1975)
+// impedance(a,b)       V(a,b) for a current of 1 A from b to a; impedance(a): from ground
 
 #include "circuits/small_signal.hpp"
 
