@@ -2,7 +2,7 @@
 // Responses of a circuit about its periodic state over frequency, by words:
 //
 // V(out), I(L1), ...   a probe, per volt or ampere of one source, or for the AC amplitudes of the netlist
-// gain(Vz)             -V(second node)/V(first node) of the source Vz of 0 V: of the loop it stands in (Middlebrook 1975)
+// gain(Vz)             -V(second node)/V(first node) of the source Vz of 0 V, for its loop (Middlebrook 1975)
 // impedance(a,b)       V(a,b) for a current of 1 A from b to a; impedance(a): from ground
 
 #include "circuits/small_signal.hpp"
