@@ -96,7 +96,6 @@ blocks = {
     "docs/papers/laplace.md": {
         "papers-laplace": ("paper", laplace),
         "papers-times": ("paper", times),
-        "papers-literal": ("literal-gpu", literal_places),
     },
     "docs/papers/galerkin.md": {"papers-galerkin": ("galerkin", galerkin_claims)},
     "docs/papers/goal.md": {"papers-goal": ("goal", goal_claims)},
@@ -158,7 +157,11 @@ appendices = {
     },
     "docs/slabs.md": {"scale-gpu": ("scale-gpu", studies.scale_gpu), "timeline": ("timeline-gpu", studies.timeline)},
     "docs/nonlinear.md": {"nonlinear": ("nonlinear", nonlinear), "nonlinear-gpu": ("nonlinear-gpu", nonlinear_device)},
-    "docs/papers/laplace.md": {"paper": ("paper", paper), "papers-case-one": ("paper", case_one)},
+    "docs/papers/laplace.md": {
+        "paper": ("paper", paper),
+        "papers-case-one": ("paper", case_one),
+        "papers-literal": ("literal-gpu", literal_places),
+    },
     "docs/papers/galerkin.md": {"galerkin": ("galerkin", galerkin)},
     "docs/papers/goal.md": {
         "goal": ("goal", goal),
