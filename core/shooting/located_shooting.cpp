@@ -261,10 +261,12 @@ class LocatedShooting {
     return give_up(text("Newton's method ends with %.1e of the boundary condition", now_.defect));
   }
 
-  // What x is off a constraint by rounding is taken away. More is an impulse at t = 0.
-  Vector without_rounding(const Vector& x) const {
+  // What x is off a constraint by rounding is taken away. More is an impulse at t = 0, where y moves the constraint.
+  Vector without_rounding(const Vector& x) {
     const Vector on = nearest_feasible(scene_, x, size_of_states());
-    return ((on - x).cwiseAbs().array() <= small_step * size_of_states().array()).all() ? on : x;
+    if (((on - x).cwiseAbs().array() <= small_step * size_of_states().array()).all()) return on;
+    const auto start = flow_from(x);
+    return start ? start->x : on;
   }
 
   // Whether the part of F that no dx moves is error of the flow.
