@@ -79,8 +79,8 @@ Card make_card(const std::string& text, const Place& place) {
     word = lower(std::move(word));
     const std::size_t equals = word.find('=');
     const bool grouped = word[0] == '{' || word[0] == '(' || word[0] == '\'';
-    const bool in_group = equals > word.find('(') && word[equals - 1] != ')';  // "d(ron=10m)", but not "v(out)=5"
-    if (equals == std::string::npos || equals == 0 || grouped || in_group)
+    const bool plain = equals == std::string::npos || equals == 0 || grouped;
+    if (plain || (equals > word.find('(') && word[equals - 1] != ')'))  // "d(ron=10m)", but not "v(out)=5"
       card.words.push_back(word);
     else
       card.given[word.substr(0, equals)] = word.substr(equals + 1);

@@ -43,7 +43,9 @@ WindingGroup with_base(WindingGroup g, Index first) {
     if (!taken[std::size_t(i)]) g.order.push_back(i);
   const std::vector<Index> base(g.order.begin(), g.order.begin() + g.base),
       follow(g.order.begin() + g.base, g.order.end());
-  g.ratios = Matrix(g.inductance(base, base)).llt().solve(Matrix(g.inductance(base, follow))).transpose();
+  g.ratios = Matrix(0, g.base);
+  if (!follow.empty())
+    g.ratios = Matrix(g.inductance(base, base)).llt().solve(Matrix(g.inductance(base, follow))).transpose();
   return g;
 }
 

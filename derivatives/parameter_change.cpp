@@ -313,7 +313,7 @@ KroneckerChange change_of_sum(const ParameterNeighbours& n, const Scene& scene) 
 }
 
 bool equal(const SparseMatrix& a, const SparseMatrix& b) {
-  return a.rows() == b.rows() && a.cols() == b.cols() && SparseMatrix(a - b).norm() == 0;
+  return a.rows() == b.rows() && a.cols() == b.cols() && (a.size() == 0 || SparseMatrix(a - b).norm() == 0);
 }
 
 // Of dynamics that are not written out.

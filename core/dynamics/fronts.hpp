@@ -210,10 +210,11 @@ class Fronts {
           const int i = s_.position[std::size_t(e.row())];
           if (i >= front.first) add_shift(at(place_[std::size_t(i)], p), e.value());
         }
-        for (RowSparse::InnerIterator e(s_.rows_of_E, original); !s_.symmetric && e; ++e) {
-          const int j = s_.position[std::size_t(e.col())];
-          if (j >= front.first + pivots_) add_shift(at(p, place_[std::size_t(j)]), e.value());
-        }
+        if (!s_.symmetric)
+          for (RowSparse::InnerIterator e(s_.rows_of_E, original); e; ++e) {
+            const int j = s_.position[std::size_t(e.col())];
+            if (j >= front.first + pivots_) add_shift(at(p, place_[std::size_t(j)]), e.value());
+          }
       }
       if (!s_.symmetric)
         for (RowSparse::InnerIterator a(s_.rows_of_A, original); a; ++a) {

@@ -33,7 +33,8 @@ class LagOperator : public TimeOperator {
     const Matrix& shapes = p_.f.shapes();
     const bool same_f = !rough_f() && !rough_ && f.rows() == f_.rows() && f.cols() == f_.cols() && f == f_ &&
                         shapes.rows() == shapes_.rows() && shapes.cols() == shapes_.cols() && shapes == shapes_;
-    if (same_f && p_.scene.x0 == x0_) return;
+    const Vector& x0 = p_.scene.x0;
+    if (same_f && x0.size() == x0_.size() && x0 == x0_) return;
     table_.reset();
     forget_basis();
   }

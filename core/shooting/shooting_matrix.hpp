@@ -34,6 +34,7 @@ struct ShootingMatrix {
   /// E0 u in the range of E0 + ET D.
   Vector drift(const BoundaryCondition& c, const Vector& F) const {
     const Index open = columns.size() - svd.rank();
+    if (open == 0) return Vector::Zero(columns.size());
     const Matrix V = columns.asDiagonal() * svd.matrixV().rightCols(open),
                  W = rows.asDiagonal() * svd.matrixU().rightCols(open);
     return V * (W.transpose() * c.E0 * V).fullPivLu().solve(W.transpose() * F);

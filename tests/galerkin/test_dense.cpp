@@ -77,6 +77,10 @@ Vector pivoted(const Assembled& a, const std::vector<Index>& free_rows, Index n)
     return found.solved ? found.y : z;
   }
   const Eigen::FullPivLU<Matrix> lu(a.L(f, f));
+  if (c.empty()) {
+    z(f) = -lu.solve(a.q(f));
+    return z;
+  }
   const LemkeOutcome found = lemke(a.L(c, c) - a.L(c, f) * lu.solve(a.L(f, c)), a.q(c) - a.L(c, f) * lu.solve(a.q(f)));
   EXPECT_TRUE(found.solved);
   if (!found.solved) return z;

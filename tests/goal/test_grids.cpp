@@ -62,7 +62,8 @@ TEST(Goal, SaysNoEffectivityOfWhatIsRounding) {
   goal.first_cells = 40000;
   Options options = options_for(Method::goal, 40000);
   options.goal = std::make_shared<GoalOptions>(goal);
-  const GoalCycle& last = solve(scene, *make_cpu_backend(1), options).goal->history.back();
+  const Result r = solve(scene, *make_cpu_backend(1), options);
+  const GoalCycle& last = r.goal->history.back();
   EXPECT_LE(last.quantity, 1e-25);
   EXPECT_FALSE(last.effectivity);
 }
