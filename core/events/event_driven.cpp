@@ -281,23 +281,23 @@ class EventIntegration {
   static constexpr double longest_unknown = 1e-7;  ///< of T
   static constexpr double moved_unknown = 1e-5;    ///< of the state: more is a jump
 
-  // A short step of implicit Euler.
+  // A short step of implicit Euler, or, where the set of its y holds at its end, of that set: signs within it are lost.
   bool pass(double longest) {
     const double h = std::min(longest, 0.5 * (at_.end - at_.t));
     const ShortSteps::Step step = regime_->short_steps.take(at_.t, h, at_.x, Vector::Zero(n_));
     if (!step.solved) return false;
     EventPiece piece{at_.t, h, at_.t + h, Matrix::Zero(s + 1, m_), Matrix::Zero(s + 1, n_), at_.integral};
-    piece.x.row(0) = (at_.x + step.x).transpose() / 2;
-    piece.x.row(1) = (step.x - at_.x).transpose() / 2;
-    piece.y.row(0) = step.y.transpose();
-    piece.passed = true;
-    piece.modes = regime_->modes;
+    if (EventPoint here = at_; regime_->successor.pass(support_of(step.y), h, here, step_)) {
+      piece.x = step_.x, piece.y = step_.y;
+    } else {
+      piece.x.topRows(2) << (at_.x + step.x).transpose() / 2, (step.x - at_.x).transpose() / 2;
+      piece.y.row(0) = step.y.transpose();
+    }
+    piece.passed = true, piece.modes = regime_->modes;
     solution_.pieces.push_back(piece);
-    at_.x = step.x;
-    at_.y = step.y;
-    at_.zero_y.resize(0);
-    at_.zero_w.resize(0);
-    at_.integral += h * step.y;
+    at_.x = piece.x.transpose() * legendre(1), at_.y = piece.y.transpose() * legendre(1);
+    at_.zero_y.resize(0), at_.zero_w.resize(0);
+    at_.integral += h * piece.y.row(0).transpose();
     at_.t += h;
     return true;
   }

@@ -167,6 +167,19 @@ Successor::Choice Successor::choose_brief(EventPoint& p) {
   return {brief_.mode, &brief_.step, {}};
 }
 
+bool Successor::pass(const std::vector<Index>& set, double h, EventPoint& p, EventStep& step) {
+  p.end = p.t + h, p.h = h;
+  const SwitchedMode* mode = mode_of(set);
+  const std::size_t impulses = impulses_.size();
+  const Entry entry = mode ? enter(*mode, p) : Entry::refused;
+  impulses_.resize(impulses);
+  const std::vector<char> free(std::size_t(system_.constraints()), 1);
+  if (entry != Entry::smooth || !steps_.resolve(*mode, p, step, &free) || step.shortened) return false;
+  const LegendreValues end = legendre(1);
+  const Vector y = step.y.transpose() * end + step.zero_y, w = step.w.transpose() * end + step.zero_w;
+  return (y.array() >= 0).all() && (w.array() >= 0).all();
+}
+
 Successor::Choice Successor::choose(EventPoint& p, bool y_is_known, const std::optional<std::vector<Index>>& likely) {
   p.sizes.include_x(p.x);
   impulses_.clear();

@@ -40,6 +40,8 @@ class Successor {
   /// Where both find none: the set that `choose` saw last longest, though it ends before its event is clear of
   /// rounding.
   Choice choose_brief(EventPoint& p);
+  /// A step of length h from `p` in an active set whose signs hold where it ends. False where the set has none.
+  bool pass(const std::vector<Index>& set, double h, EventPoint& p, EventStep& step);
 
  private:
   enum class Entry { smooth, jumped, refused };

@@ -54,7 +54,7 @@ TEST_P(CircuitSet, AgreesModeByMode) {
         << name;
   }
   // Of each piece by itself: what the pieces before it have added to its start does not count.
-  EXPECT_LT(balance(c, waveforms).error, 1e-8);
+  EXPECT_LT(balance(c, waveforms).error, 1e-9);
 }
 
 INSTANTIATE_TEST_SUITE_P(Netlists, CircuitSet, testing::ValuesIn(names()), [](const auto& one) {
