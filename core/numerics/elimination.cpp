@@ -193,18 +193,20 @@ Elimination in_order(Order order, const SparseMatrix& A, const SparseMatrix& B, 
         front.inputs.push_back(int(b.col()));
       for (SparseMatrix::InnerIterator n(N, original); n; ++n) front.outputs.push_back(int(n.row()));
     }
-    for (Index d = 0; d < dense_inputs; ++d) front.inputs.push_back(int(B.cols() + d));
     sort_unique(front.rest);
     sort_unique(front.inputs);
     sort_unique(front.outputs);
-    if (front.rest.empty()) continue;
-    const std::size_t parent_front = front_of[std::size_t(front.rest.front())];
-    Front& up = e.fronts[parent_front];
-    ++up.children;
-    const auto beyond = std::lower_bound(front.rest.begin(), front.rest.end(), int(starts[parent_front + 1]));
-    merge_into(up.rest, std::vector<int>(beyond, front.rest.end()));
-    merge_into(up.inputs, front.inputs);
-    merge_into(up.outputs, front.outputs);
+    if (!front.rest.empty()) {
+      const std::size_t parent_front = front_of[std::size_t(front.rest.front())];
+      Front& up = e.fronts[parent_front];
+      ++up.children;
+      const auto beyond = std::lower_bound(front.rest.begin(), front.rest.end(), int(starts[parent_front + 1]));
+      merge_into(up.rest, std::vector<int>(beyond, front.rest.end()));
+      merge_into(up.inputs, front.inputs);
+      merge_into(up.outputs, front.outputs);
+    }
+    // Full columns are inputs of every front, behind those of B, which alone are handed on.
+    for (Index d = 0; d < dense_inputs; ++d) front.inputs.push_back(int(B.cols() + d));
   }
   measure(e);
   return e;
