@@ -5,6 +5,7 @@
 #include "tests/circuits/circuits.hpp"
 #include "tests/support/run.hpp"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -130,22 +131,31 @@ TEST(Circuit, ExamplesAreSolved) {
 
 struct Known {
   const char* name;
-  const char* cards;
-  double t;
-  std::map<std::string, double> values;
+  std::string cards;
+  std::vector<std::pair<double, std::map<std::string, double>>> values;  ///< at times
 };
 
-const char* const models =
+const std::string models =
     ".model SI SW(Ron=10m Roff=1Meg Vt=2.5 Vh=0)\n.model S2 SW(Ron=20m Roff=1Meg Vt=2.5 Vh=0)\n"
     ".model DI D(Ron=10m Vfwd=.5 Roff=1Meg)\n";
+
+std::string multiplier() {
+  std::string cards = ".model DM D(Ron=1 Vfwd=.7 Roff=10Meg)\nVa a0 0 SIN(0 100 1k)\n";
+  for (int k = 1; k <= 5; ++k)
+    cards += fmt::format("Ca{1} a{0} a{1} 1u\nDa{1} b{0} a{1} DM\nDb{1} a{1} b{1} DM\nCb{1} b{0} b{1} 1u\n", k - 1, k);
+  return cards + "Vb b0 0 0\nRL b5 0 1Meg\n.tran 1m 50m uic\n";
+}
 
 class KnownCircuits : public testing::TestWithParam<Known> {};
 
 TEST_P(KnownCircuits, AgreeWithAModeByModeProgram) {
   const Known& known = GetParam();
-  const auto found = values(circuit_of(std::string(models) + known.cards), {known.t})[0];
-  for (const auto& [name, value] : known.values)  // values have 8 digits
-    EXPECT_NEAR(found.at(name), value, 1e-7 * std::abs(value)) << name;
+  std::vector<double> times;
+  for (const auto& [t, at] : known.values) times.push_back(t);
+  const auto found = values(circuit_of(models + known.cards), times);
+  for (std::size_t k = 0; k < times.size(); ++k)
+    for (const auto& [name, value] : known.values[k].second)  // values have 8 digits
+      EXPECT_NEAR(found[k].at(name), value, 1e-7 * std::abs(value)) << name << " at " << times[k];
 }
 
 INSTANTIATE_TEST_SUITE_P(
@@ -154,41 +164,45 @@ INSTANTIATE_TEST_SUITE_P(
         Known{"buck",
               "Vin in 0 24\nS1 in sw g 0 SI\nVg g 0 PULSE(0 5 0 10n 10n 3.99u 10u)\nD1 0 sw DI\nL1 sw out 100u\nC1 out "
               "0 47u\n"
-              "R1 out 0 5\n.tran 10u 1m uic\n",
-              1e-3,
-              {{"V(out)", 9.1249652}, {"I(L1)", 1.9269147}}},
+              "R1 out 0 5\n.tran 10u 2m uic\n",
+              {{1e-3, {{"V(out)", 9.1249652}, {"I(L1)", 1.9269147}}},
+               {2e-3, {{"V(out)", 9.3450049}, {"I(L1)", 1.5676854}}}}},
         Known{"flyback",
               "Vin in 0 24\nL1 in sw 100u\nL2 0 sec 6.25u\nK1 L1 L2 1\nS1 sw 0 g 0 S2\nVg g 0 PULSE(0 5 0 10n 10n "
               "7.99u 20u)\n"
-              "D1 sec out DI\nC1 out 0 100u\nR1 out 0 20\n.tran 20u 2m uic\n",
-              2e-3,
-              {{"V(out)", 12.46472}}},
+              "D1 sec out DI\nC1 out 0 100u\nR1 out 0 20\n.tran 20u 4m uic\n",
+              {{2e-3, {{"V(out)", 12.46472}}}, {4e-3, {{"V(out)", 13.173888}}}}},
         Known{"cuk",
               "Vin in 0 10\nL1 in a 180u\nS1 a 0 g 0 S2\nVg g 0 PULSE(0 5 0 10n 10n 8.99u 20u)\nC1 a b 47u\nD1 b 0 DI\n"
               "L2 b out 150u\nCo out 0 220u\nR1 out 0 3\n.tran 20u 4m uic\n",
-              4e-3,
-              {{"V(out)", -7.5295855}, {"I(L1)", 1.1060281}}},
+              {{4e-3, {{"V(out)", -7.5295855}, {"I(L1)", 1.1060281}}}}},
         Known{"bridge",
               ".model SB SW(Ron=20m Roff=1Meg Vt=.5 Vh=0)\n.model DB D(Ron=10m Vfwd=.7 Roff=1Meg)\nVdc p 0 100\n"
               "V1 g1 0 PULSE(0 1 2u 10n 10n 496u 1m)\nV2 g2 0 PULSE(0 1 502u 10n 10n 496u 1m)\nS1 p a g1 0 SB\n"
               "S2 a 0 g2 0 SB\nS3 p b g2 0 SB\nS4 b 0 g1 0 SB\nD1 a p DB\nD2 0 a DB\nD3 b p DB\nD4 0 b DB\nL1 a c 2m\n"
               "R1 c b 10\n.tran 10u 10m uic\n",
-              1e-2,
-              {{"I(L1)", -8.2792441}}},
+              {{1e-2, {{"I(L1)", -8.2792441}}}}},
         Known{"synchronous",
               ".model SB SW(Ron=5m Roff=1Meg Vt=.5 Vh=0)\n.model DB D(Ron=5m Vfwd=.8 Roff=1Meg)\nVin in 0 12\n"
               "V1 g1 0 PULSE(0 1 40n 1n 1n 1.42u 5u)\nV2 g2 0 PULSE(0 1 1.54u 1n 1n 3.42u 5u)\nS1 in sw g1 0 SB\n"
               "S2 sw 0 g2 0 SB\nD1 sw in DB\nD2 0 sw DB\nL1 sw out 4.7u\nC1 out x 100u\nResr x 0 5m\nR1 out 0 .7\n"
               ".tran 5u 1m uic\n",
-              1e-3,
-              {{"V(out)", 3.3504919}, {"I(L1)", 3.5381958}}},
+              {{1e-3, {{"V(out)", 3.3504919}, {"I(L1)", 3.5381958}}}}},
         // Two diodes close within 1e-20 s.
         Known{"six_pulse",
               ".model DB D(Ron=10m Vfwd=.8 Roff=1Meg)\nVa a n SIN(0 325 50)\nVb b n SIN(0 325 50 0 0 -120)\n"
               "Vc c n SIN(0 325 50 0 0 120)\nLa a u 1m\nLb b v 1m\nLc c w 1m\nD1 u p DB\nD2 v p DB\nD3 w p DB\n"
-              "D4 0 u DB\nD5 0 v DB\nD6 0 w DB\nL1 p q 5m\nC1 q 0 470u\nR1 q 0 30\n.tran 50u 50m uic\n",
-              5e-2,
-              {{"V(q)", 519.13466}, {"I(Lb)", 17.180943}}}),
+              "D4 0 u DB\nD5 0 v DB\nD6 0 w DB\nL1 p q 5m\nC1 q 0 470u\nR1 q 0 30\n.tran 50u 100m uic\n",
+              {{5e-2, {{"V(q)", 519.13466}, {"I(Lb)", 17.180943}}},
+               {1e-1, {{"V(q)", 526.94773}, {"I(Lb)", -17.365391}}}}},
+        Known{"multiplier", multiplier(), {{25e-3, {{"V(b5)", 497.372207}}}, {50e-3, {{"V(b5)", 685.150543}}}}},
+        Known{"resonant",
+              ".model SB SW(Ron=100m Roff=1Meg Vt=.5 Vh=0)\n.model DB D(Ron=50m Vfwd=.8 Roff=1Meg)\n"
+              ".model DO D(Ron=5m Vfwd=.4 Roff=1Meg)\nVin p 0 400\nS1 p m g1 0 SB\nS2 m 0 g2 0 SB\nD1 m p DB\n"
+              "D2 0 m DB\nV1 g1 0 PULSE(0 1 200n 10n 10n 4.58u 10u)\nV2 g2 0 PULSE(0 1 5.2u 10n 10n 4.58u 10u)\n"
+              "Coss m 0 200p\nCr m r 24n\nLr r t 105u\nLp t 0 525u\nLs1 s1 0 1.4583u\nLs2 0 s2 1.4583u\n"
+              "K1 Lp Ls1 Ls2 1\nD3 s1 out DO\nD4 s2 out DO\nC1 out 0 220u IC=10\nR1 out 0 .5\n.tran 10u 1m uic\n",
+              {{1e-3, {{"V(out)", 10.02605}, {"I(Lr)", -0.79087827}}}}}),
     [](const auto& one) { return one.param.name; });
 
 }  // namespace
