@@ -146,8 +146,9 @@ ordered_json study_scene(const std::string& name, Index steps, Backend& host, Ba
 }
 
 void print(const ordered_json& row) {
-  const double march = row["march"]["seconds"]["median"];
-  std::cout << row["scene"].get<std::string>() << " " << row["steps"] << ": march " << march * 1e3 << " ms";
+  const double march = row["march"]["resident"]["median"];
+  std::cout << row["scene"].get<std::string>() << " " << row["steps"] << ": march "
+            << row["march"]["seconds"]["median"].get<double>() * 1e3 << " ms, resident " << march * 1e3 << " ms";
   for (const char* where : {"host", "device"})
     if (row.contains(where)) {
       const auto& r = row[where];

@@ -1,5 +1,5 @@
 """The tables of method shooting over chunks of time (scripts/bench_chunks)."""
-from evidence import number, origin
+from evidence import number, origin, plain
 
 
 def random(data):
@@ -37,3 +37,31 @@ def scenes(data):
         lines.append(f"| `{scene}` | {steps} | " + " | ".join(cells) + f" | {number(apart)} |")
     return lines + ["", f"Passes begun from a march with a tenth of the steps, and from x0 in all chunks; * the rest was marched in turn. "
                     f"The difference is that from `march`, of the size of x or y ({origin(data)})."]
+
+
+def times(data):
+    """Seconds of march on one core beside those of shooting on the cores of the host and on its device."""
+    heads = ["scene", "steps", "march on one core", "chunks on the host", "passes", "on the device", "passes", "with rows: march", "host", "device", "whole: march", "host", "device"]
+    lines = ["| " + " | ".join(heads) + " |", "|--" * len(heads) + "|"]
+    places = ("march", "host", "device")
+
+    def milliseconds(seconds):
+        return plain(seconds * 1e3)
+
+    def by_pieces(row, name):  # others say how long their problems took, not their steps
+        return "by affine pieces" in row[name]["kernel"]
+
+    for row in data["scenes"]:
+        alone, rows = ({name: row[name][key]["median"] for name in places} for key in ("resident", "seconds"))
+        ratio = {
+            name: f"{milliseconds(alone[name])} ({plain(alone['march'] / alone[name])})" if by_pieces(row, name) else "in turn" for name in places[1:]
+        }
+        whole = [milliseconds(row["whole"][name]) if "whole" in row else "-" for name in places]
+        cells = [f"`{row['scene']}`", row["steps"], milliseconds(alone["march"]), ratio["host"], row["host"]["passes"], ratio["device"],
+                 row["device"]["passes"], *(milliseconds(rows[name]) for name in places), *whole]
+        lines.append("| " + " | ".join(map(str, cells)) + " |")
+    apart = max(max(row[name]["apart"]) for row in data["scenes"] for name in places[1:])
+    return lines + ["", f"Milliseconds, medians; in brackets how many times march takes. The first three times are those of the steps alone, with sources and rows "
+                    f"where they are; then with all rows of x and y in the memory of the host; then of one whole call without a certificate, sources sampled "
+                    f"in it. The host has {data['threads']} threads. x and y differ from those of march by at most {number(apart)} of their size. "
+                    f"{data['device']}, {origin(data)}."]

@@ -136,7 +136,7 @@ appendices = {
     "docs/measurements/gpu.md": {"gpu": ("gpu", device.gpu)},
     "docs/lcp.md": {"lcp-gpu": ("lcp-gpu", device.lcp)},
     "docs/dual.md": {"dual-gpu": ("dual-gpu", dual), "dual-cpu": ("dual", dual)},
-    "docs/chunks.md": {"chunks-scenes": ("chunks", chunks.scenes)},
+    "docs/chunks.md": {"chunks-scenes": ("chunks", chunks.scenes), "chunks-gpu": ("chunks-gpu", chunks.times)},
     "docs/derivatives.md": {
         "derivative-costs": ("batch", studies.derivative_costs),
         "derivatives": ("derivatives", studies.derivatives),
