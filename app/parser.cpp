@@ -58,8 +58,8 @@ void add_files_of_results(CLI::App* command, SolveArguments& a) {
       "on a grid)");
   add_word(
       command, "--columns", a.columns, "LIST",
-      "with --out FILE.csv: columns to write: y, w, trace (N x), x (all states), or single ones by name, y0,w0,x2; "
-      "default: y and the selected states");
+      "with --out FILE.csv: columns to write: y, w, trace (N x), x (all states), contact (friction and state of each), "
+      "or single ones by name, y0,w0,x2; default: y and the selected states, and contact");
   add_word(command, "--at", a.at, "LIST", "with --out: rows at these times, 0.1,0.25, instead of the time points");
   add_word(command, "--switches", a.switches, "FILE.csv", "write when constraints become active and inactive");
 }

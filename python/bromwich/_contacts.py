@@ -58,9 +58,14 @@ class MechanicalEnergy(NamedTuple):
 class ContactReport:
     """Contacts of a result: ``report["c0"].stick``, ``report.energy.error``, ``report.phases``."""
 
-    def __init__(self, result: Any, found: dict[str, Any]) -> None:
-        mechanism = result.scene._mechanism
-        names = mechanism.contacts
+    def __init__(
+        self,
+        found: dict[str, Any],
+        names: list[str],
+        coordinates: tuple[list[str], np.ndarray, np.ndarray],
+        normal: dict[str, np.ndarray],
+        friction: dict[str, np.ndarray],
+    ) -> None:
         #: whether switches and impacts are located; otherwise the numbers are from the rows, with the order of the steps
         self.located: bool = found["located"]
         #: :class:`ContactSummary` of each contact by name
@@ -71,16 +76,11 @@ class ContactReport:
         self.impacts: list[ContactImpact] = [ContactImpact(*p) for p in found["impacts"]]
         #: :class:`MechanicalEnergy`
         self.energy = MechanicalEnergy(*found["energy"])
-        self._result = result
-        ends = np.cumsum(mechanism.tangents)
-        friction = mechanism.friction_forces(result._answer)
+        self._coordinates = coordinates  # names, q and v at the rows
         #: normal forces at the rows, J+1 values by name
-        self.normal: dict[str, np.ndarray] = dict(zip(names, np.array(mechanism.normal_forces(result._answer)).T))
+        self.normal = normal
         #: friction on the structure along its tangents at the rows, J+1 values, or J+1 x 2 with two tangents, by name
-        self.friction: dict[str, np.ndarray] = {}
-        for name, end, tangents in zip(names, ends, mechanism.tangents):
-            part = np.array(friction)[:, end - tangents : end]
-            self.friction[name] = part[:, 0] if tangents == 1 else part
+        self.friction = friction
 
     def __getitem__(self, name: str) -> ContactSummary:
         if name not in self.contacts:
@@ -100,9 +100,8 @@ class ContactReport:
         Args:
             coordinate: its name, or its number from 0.
         """
-        scene = self._result.scene
-        names, d = scene.names["x"], scene._mechanism.coordinates
-        known = [*names[:d], *range(d)]
+        names, q, v = self._coordinates
+        known = [*names, *range(len(names))]
         if coordinate not in known:
             raise Error(f"coordinate: found {coordinate!r}; choose from {', '.join(map(str, known))}", "coordinate")
         i = names.index(coordinate) if isinstance(coordinate, str) else coordinate
@@ -110,9 +109,9 @@ class ContactReport:
             import matplotlib.pyplot as plt
 
             ax = plt.subplots(layout="constrained")[1]
-        ax.plot(self._result.x[:, i], self._result.x[:, d + i])
+        ax.plot(q[:, i], v[:, i])
         ax.set_xlabel(names[i])
-        ax.set_ylabel(names[d + i])
+        ax.set_ylabel(f"v_{names[i]}")
         return ax
 
     def plot(self, ax: Any = None) -> Any:
@@ -148,4 +147,47 @@ def report_of(result: Any) -> ContactReport:
         raise Error("contacts: the scene is no structure with contacts; make it by bromwich.Structure", "contacts")
     if len(result.x_components) != result.scene.states:
         raise Error("states: were not all recorded; solve with states='all'", "states")
-    return ContactReport(result, mechanism.report(result._answer))
+    names, d, answer = mechanism.contacts, mechanism.coordinates, result._answer
+    forces = np.array(mechanism.friction_forces(answer))
+    ends = np.cumsum(mechanism.tangents)
+    friction = {}
+    for name, end, tangents in zip(names, ends, mechanism.tangents):
+        part = forces[:, end - tangents : end]
+        friction[name] = part[:, 0] if tangents == 1 else part
+    return ContactReport(
+        mechanism.report(answer),
+        names,
+        (result.scene.names["x"][:d], result.x[:, :d], result.x[:, d : 2 * d]),
+        dict(zip(names, np.array(mechanism.normal_forces(answer)).T)),
+        friction,
+    )
+
+
+def report_of_file(result: Any, summary: dict[str, Any], columns: dict[str, np.ndarray]) -> ContactReport:
+    """From the summary of a file, its rows, and its columns NAME.lt, or NAME.lt0, NAME.lt1."""
+    if "contacts" not in summary:
+        raise Error("contacts: the file does not say what contacts do; save a structure's result with all states", "contacts")
+    given: dict[str, dict[str, Any]] = summary["contacts"]
+    impacts = [(p["t"], name, p) for name, c in given.items() for p in c["impacts"]]
+    found = {
+        "located": summary["energy"]["located"],
+        "contacts": [
+            [len(c["impacts"]) if key == "impacts" else c[key] for key in ContactSummary._fields] for c in given.values()
+        ],
+        "phases": [(name, p["begin"], p["end"], p["state"]) for name, c in given.items() for p in c["phases"]],
+        "impacts": [
+            (name, t, p["normal"], p["friction"], p["loss"], p["friction_loss"])
+            for t, name, p in sorted(impacts, key=lambda one: one[0])
+        ],
+        "energy": [summary["energy"][key] for key in MechanicalEnergy._fields],
+    }
+    rows = result.constraint_names
+    normal = {name: result.y[:, rows.index(f"{name}.normal")] for name in given if f"{name}.normal" in rows}
+    friction = {}
+    for name in given:
+        parts = [columns[key] for key in (f"{name}.lt", f"{name}.lt0", f"{name}.lt1") if key in columns]
+        if parts:
+            friction[name] = parts[0] if len(parts) == 1 else np.array(parts).T
+    d = summary["coordinates"]
+    coordinates = result.state_names[:d], result.x[:, :d], result.x[:, d : 2 * d]
+    return ContactReport(found, list(given), coordinates, normal, friction)

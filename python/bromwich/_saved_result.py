@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from . import _core, _hdf5
+from ._contacts import ContactReport, report_of_file
 from ._errors import Error, require
 from ._io import HDF5, extension_of
 from ._memory import ModeChange
@@ -110,6 +111,11 @@ class SavedResult(Result):
         return SavedResult(self._answer.between(self._times(t)), {**self._facts, "_units": self._units})
 
     @property
+    def contacts(self) -> ContactReport:
+        """Of a structure with contacts: what the summary of the file says of them, and forces where it has their columns."""
+        return report_of_file(self, self._answer.summary, self._answer.others)
+
+    @property
     def modes(self) -> dict[str, np.ndarray]:
         """The mode of each memory at the rows, by its name; empty where the file has no summary."""
         found = {}
@@ -184,6 +190,7 @@ class _Answer:
         self.constraint_names: Any = arrays.get("constraint_name", [])
         self.state_names: Any = arrays.get("state_name", [])
         self._facts = facts
+        self.others = {key: values for key, values in arrays.items() if "." in key}  # NAME.lt, NAME.state of contacts
         try:
             self.summary = json.loads(facts.get("summary", "{}"))
         except ValueError:
@@ -255,7 +262,7 @@ def _load_hdf5(name: str) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
     except _hdf5.Refused as refused:
         raise Error(f"path: {refused}", "path") from None
     facts = {**found.pop("facts"), "_units": found.pop("units")}
-    del found["others"]
+    found.update((key, np.asarray(values)) for key, _, values in found.pop("others") if "." in key)
     return found, facts
 
 

@@ -91,6 +91,23 @@ def test_contacts_in_files_and_pages(tmp_path):
     assert summary["contacts"]["belt"]["friction_loss"] == r.contacts["belt"].friction_loss
 
 
+@pytest.mark.parametrize("extension", ["npz", "h5"])
+def test_contacts_of_a_loaded_result(tmp_path, extension):
+    if extension == "h5":
+        pytest.importorskip("h5py")
+    scene = block(belt(restitution=0.5)).scene(T=10)
+    r = bromwich.solve(scene, tol=1e-6, states="all")
+    r.save(tmp_path / f"r.{extension}")
+    known, found = r.contacts, bromwich.load(tmp_path / f"r.{extension}").contacts
+    assert found.contacts == known.contacts and found.energy == known.energy and found.located
+    assert found.phases == known.phases and found.impacts == known.impacts
+    for key in ("normal", "friction"):
+        np.testing.assert_array_equal(getattr(found, key)["belt"], getattr(known, key)["belt"])
+    bromwich.solve(scene, tol=1e-3, states=[0]).save(tmp_path / "without.npz")
+    with pytest.raises(bromwich.Error, match="contacts: the file does not say what contacts do"):
+        bromwich.load(tmp_path / "without.npz").contacts
+
+
 def test_phase_plane():
     plt = pytest.importorskip("matplotlib.pyplot")
     r = bromwich.solve(block(belt(restitution=0.5)).scene(T=10), tol=1e-6, states="all")
