@@ -83,3 +83,12 @@ def all_circuits(data):
         lines.append("| " + " | ".join(cells) + " |")
     known = number(data["reference"]["error"])
     return lines + ["", f"The known values are of two runs that differ by {known} at most. {measured(data)}"]
+
+
+def operating_map(data):
+    """Seconds of the map of operating points, on one and two threads."""
+    lines = ["| threads | s | ms a point |", "|--|--|--|"]
+    for row in data["rows"]:
+        lines.append(f"| {row['threads']} | {plain(median(row))} | {plain(1e3 * median(row) / data['points'])} |")
+    about = f"{data['points']} points, {data['solved']} solved. {data['machine']['cpu']}, whole command, median of {data['repeats']} interleaved repeats; {origin(data)}."
+    return lines + ["", about]

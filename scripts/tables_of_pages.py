@@ -69,6 +69,7 @@ blocks = {
         "circuits-lost": ("circuits", circuits.lost),
         "circuits-failures": ("circuits", circuits.failures),
     },
+    "docs/netlists.md": {"operating-map": ("map", circuits.operating_map)},
     "docs/mechanics.md": {
         "contacts-errors": ("contacts", contacts.errors),
         "contacts-chains": ("contacts", contacts.chains),
