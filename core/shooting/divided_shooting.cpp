@@ -150,13 +150,17 @@ Vector shoot_in_parts(const Scene& scene, const BoundaryCondition& c, LcpClass l
 }
 
 // z = x + size^2 N^T p, p an LCP.
-Vector nearest_feasible(const Scene& all, const Vector& x, const Vector& size) {
+Vector nearest_feasible(const Scene& all, const Vector& x, const Vector& size, RowsOfStart which) {
   const Scene scene = all.memories.empty() ? all : in_modes(all, modes_at(all, x));
-  const Matrix M = to_dense(scene.M), &N = scene.dynamics->small_state()->N;
+  const Matrix M = to_dense(scene.M), &N = scene.dynamics->small_state()->N, &B = scene.dynamics->small_state()->B;
   const Vector g = EventSources(scene).g(0);
+  const Vector impulses = (N * B).cwiseAbs().rowwise().sum(), terms = N.cwiseAbs() * B.cwiseAbs().rowwise().sum();
+  const double rounding = 4 * double(N.cols() + 1) * epsilon;
   std::vector<Index> rows;
-  for (Index i = 0; i < M.rows(); ++i)
-    if (!(M.row(i).array() != 0).any() && N.row(i).norm() > 0) rows.push_back(i);
+  for (Index i = 0; i < M.rows(); ++i) {
+    const bool moved = which == RowsOfStart::without_impulses && impulses[i] > rounding * terms[i];
+    if (!(M.row(i).array() != 0).any() && N.row(i).norm() > 0 && !moved) rows.push_back(i);
+  }
   if (rows.empty()) return x;
   const Matrix K = size.asDiagonal() * N(rows, Eigen::all).transpose();
   ActiveSetLcp lcp(K.transpose() * K, LcpClass::PSD);

@@ -19,7 +19,10 @@ Vector shoot_in_parts(const Scene&, const BoundaryCondition&, LcpClass lcp_class
                       const std::vector<double>& breakpoints, const EventOptions&, const EventSolution& guess,
                       const Vector& size);
 
-/// min |z - x| / size with N z + g(0) >= 0 in the rows where M is zero.
-Vector nearest_feasible(const Scene&, const Vector& x, const Vector& size);
+/// Where M is zero; and those of them that no impulse of y moves, with N B = 0.
+enum class RowsOfStart : char { without_compliance, without_impulses };
+/// min |z - x| / size with N z + g(0) >= 0 in these rows.
+Vector nearest_feasible(const Scene&, const Vector& x, const Vector& size,
+                        RowsOfStart = RowsOfStart::without_compliance);
 
 }  // namespace bromwich

@@ -262,11 +262,10 @@ class LocatedShooting {
   }
 
   // What x is off a constraint by rounding is taken away. More is an impulse at t = 0, where y moves the constraint.
-  Vector without_rounding(const Vector& x) {
-    const Vector on = nearest_feasible(scene_, x, size_of_states());
-    if (((on - x).cwiseAbs().array() <= small_step * size_of_states().array()).all()) return on;
-    const auto start = flow_from(x);
-    return start ? start->x : on;
+  Vector without_rounding(const Vector& x) const {
+    const Vector size = size_of_states(), on = nearest_feasible(scene_, x, size);
+    const bool near = ((on - x).cwiseAbs().array() <= small_step * size.array()).all();
+    return near ? on : nearest_feasible(scene_, x, size, RowsOfStart::without_impulses);
   }
 
   // Whether the part of F that no dx moves is error of the flow.
