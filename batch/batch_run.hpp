@@ -40,7 +40,7 @@ class BatchRun {
   };
 
   Eigen::Block<RowMatrix> rows_of(RowMatrix& all, Index k) {
-    return all.size() > 0 ? all.block(k * rows_, 0, rows_, all.cols()) : all.block(0, 0, 0, 0);
+    return all.rows() > 0 ? all.block(k * rows_, 0, rows_, all.cols()) : all.block(0, 0, 0, 0);
   }
   bool has_all_states(const Scene&) const;  ///< x of the result, in order
   void keep_on_backend(const Scene& first);

@@ -27,7 +27,7 @@ bool of_one_scene(const Error& error) {
 }
 
 Eigen::Block<RowMatrix> rows_of(const BatchResult& r, RowMatrix& all, Index k) {
-  return all.size() > 0 ? all.block(k * r.rows(), 0, r.rows(), all.cols()) : all.block(0, 0, 0, 0);
+  return all.rows() > 0 ? all.block(k * r.rows(), 0, r.rows(), all.cols()) : all.block(0, 0, 0, 0);
 }
 
 }  // namespace
