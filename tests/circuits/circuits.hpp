@@ -25,6 +25,15 @@ inline std::string message_of(const std::string& cards) {
   }
 }
 
+/// The periodic state of a circuit that was read with a period, with all states.
+inline Result periodic_state(const Circuit& c, Backend& backend) {
+  Options options = options_for(Method::automatic, 16);
+  options.states = StateSelection::all;
+  const Result r = solve(c.scene, backend, options);
+  EXPECT_EQ(r.status, Status::solved) << r.reason;
+  return r;
+}
+
 /// Outputs by name at the time t; empty where the circuit is not solved.
 inline std::map<std::string, double> values_at(const Circuit& c, double t, double tolerance) {
   Options options;

@@ -152,11 +152,7 @@ Measured injected(const Buck& b, int k) {
 std::vector<Complex> found(const Buck& b, const std::vector<double>& frequencies) {
   const Circuit c = parse_circuit(b.netlist(), "test.cir", {}, {}, 0);
   const auto backend = make_cpu_backend(1);
-  Options options;
-  options.steps = 16;
-  options.states = StateSelection::all;
-  const Result r = solve(c.scene, *backend, options);
-  EXPECT_EQ(r.status, Status::solved) << r.reason;
+  const Result r = test::periodic_state(c, *backend);
   const std::vector<Probe> probes{Probe(c, "V(out)", "test"), Probe(c, "V(a)", "test")};
   const Eigen::MatrixXcd all = small_signals(c, *backend, r, "Vz", frequencies, probes, "test");
   std::vector<Complex> gains;

@@ -21,11 +21,7 @@ Responses found(const std::string& cards, const std::vector<std::string>& words,
                 const std::vector<double>& frequencies) {
   const Circuit c = parse_circuit("t\n" + cards, "test.cir", {}, {}, 0);
   const auto backend = make_cpu_backend(1);
-  Options options;
-  options.steps = 16;
-  options.states = StateSelection::all;
-  const Result r = solve(c.scene, *backend, options);
-  EXPECT_EQ(r.status, Status::solved) << r.reason;
+  const Result r = test::periodic_state(c, *backend);
   return responses(c, *backend, r, words, source, frequencies.empty() ? c.netlist->frequencies : frequencies, "test");
 }
 

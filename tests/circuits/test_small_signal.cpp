@@ -21,11 +21,7 @@ Eigen::MatrixXcd response(const std::string& cards, const std::string& source, c
                           const std::vector<std::string>& outputs) {
   const Circuit c = parse_circuit("t\n" + cards, "test.cir", {}, {}, 0);
   const auto backend = make_cpu_backend(1);
-  Options options;
-  options.steps = 16;
-  options.states = StateSelection::all;
-  const Result r = solve(c.scene, *backend, options);
-  EXPECT_EQ(r.status, Status::solved) << r.reason;
+  const Result r = test::periodic_state(c, *backend);
   std::vector<Probe> probes;
   for (const std::string& text : outputs) probes.emplace_back(c, text, "test");
   return small_signals(c, *backend, r, source, frequencies, probes, "test");
